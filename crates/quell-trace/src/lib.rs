@@ -1,1 +1,8 @@
 //! Placeholder.
+pub mod bsdf;
+pub mod material;
+pub mod sampler;
+pub mod warp;
+
+#[cfg(test)]
+mod testing;
