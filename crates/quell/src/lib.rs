@@ -1,10 +1,60 @@
-//! Denoiser for path-traced global illumination.
+//! quell removes the noise from path-traced global illumination: Mara, McGuire, Bitterli and Jarosz, "An Efficient
+//! Denoising Algorithm for Global Illumination" (HPG 2017).
+//!
+//! Indirect light comes as two signals, matte and glossy, each with its material factored out; they are filtered jointly
+//! in space and time, guided by depth, normals and motion, and multiplied back.
+//!
+//! ```
+//! use quell::{Camera, Denoiser, Frame, Plane, Preset, Settings, Size};
+//!
+//! let size = Size::new(64, 36);
+//! let camera = Camera::perspective([0.0, 0.0, 3.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0], 0.8, 64.0 / 36.0);
+//! let mut denoiser = Denoiser::new(size, &Settings::preset(Preset::Paper))?;
+//! for index in 0..3 {
+//!     let noisy = Plane::from_fn(size, |x, y| [((x * 7 + y * 13 + index * 5) % 11) as f32 * 0.1; 3]);
+//!     let depth = Plane::filled(size, 3.0);
+//!     let mut frame = Frame::new(size, camera); // every plane that is left out has a meaning: see `Frame`
+//!     frame.index = index as i64;
+//!     frame.matte = Some(noisy.view());
+//!     frame.view_depth = Some(depth.view());
+//!     let output = denoiser.denoise(&frame)?;
+//!     assert_eq!(output.composite.size(), size);
+//! }
+//! # Ok::<(), quell::Error>(())
+//! ```
+//!
+//! | module | holds |
+//! |---|---|
+//! | [`frame`] | the contract of what goes in: planes, spaces, units, signs, special values |
+//! | [`plane`], [`camera`] | images, and the map between pixels and the world |
+//! | [`settings`] | every parameter, declared once; presets |
+//! | [`pipeline`] | the order of the stages: a list that can be printed |
+//! | [`stages`] | the algorithm, one folder a stage, the twins side by side |
+//! | [`kernels`] | what stages share: edge weights, tap patterns, reprojection, the colour clamp |
+//! | [`history`] | what survives a frame, and when it does not |
+//! | [`border`] | the contract enforced: what is repaired, and counted |
+//! | [`denoiser`] | the public face: [`Denoiser`], [`Output`] |
+//! | [`mod@reference`] | the back end that is the specification |
+
+pub mod border;
 pub mod camera;
+pub mod denoiser;
 pub mod error;
 pub mod frame;
+pub mod history;
+pub mod kernels;
+mod par;
+pub mod pipeline;
 pub mod plane;
+pub mod reference;
+pub mod report;
+pub mod settings;
+pub mod stages;
 
 pub use camera::{Camera, Projection};
+pub use denoiser::{Backend, Denoiser, Output};
 pub use error::Error;
 pub use frame::{Frame, FrameBuf, Pass, PassBuf, Rgb, Signal};
 pub use plane::{Plane, PlaneRef, Size};
+pub use report::Report;
+pub use settings::{Preset, Settings};

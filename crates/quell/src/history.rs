@@ -1,0 +1,94 @@
+//! What survives a frame, and when it does not.
+//!
+//! | what | reset when |
+//! |---|---|
+//! | matte history, its length | a cut; `Denoiser::reset`; the signal, its passes or the stage's switch come or go |
+//! | glossy history, its length | likewise |
+//! | direct history | a cut; `Denoiser::reset`; a frame without jitter |
+//! | guides of the frame before | a cut; `Denoiser::reset` |
+//! | everything | `Denoiser::resize` |
+//! | single pixels | no surface match, unknown motion, off screen; `confidence_in` = 0 |
+//!
+//! A cut is a frame whose index does not differ from its predecessor's by exactly 1, in either direction. Other
+//! settings may change at every frame: history is kept.
+
+use crate::frame::{Frame, Signal};
+use crate::pipeline::{Inputs, Plan, Stage};
+use crate::settings::Settings;
+
+/// What the back ends must know about history before they run a frame.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Validity {
+    /// The previous guides and the matte history can be used.
+    pub matte: bool,
+    /// Likewise glossy.
+    pub glossy: bool,
+    /// Likewise direct.
+    pub direct: bool,
+}
+
+/// What the frame before looked like, and what it left behind.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Ledger {
+    last_index: Option<i64>,
+    passes: [usize; 2],
+    left: Validity,
+}
+
+impl Ledger {
+    /// What this frame may use.
+    pub fn open(&self, frame: &Frame<'_>) -> Validity {
+        let consecutive = self.last_index.is_some_and(|i| frame.index.checked_sub(i).is_some_and(|d| d.abs() == 1));
+        if !consecutive {
+            return Validity::default();
+        }
+        let same = |signal: Signal| passes_of(frame, signal) == self.passes[signal as usize];
+        Validity {
+            matte: self.left.matte && same(Signal::Matte),
+            glossy: self.left.glossy && same(Signal::Glossy),
+            direct: self.left.direct,
+        }
+    }
+
+    /// Notes what this frame leaves behind.
+    pub fn close(&mut self, frame: &Frame<'_>, plan: &Plan) {
+        self.last_index = Some(frame.index);
+        self.passes = Signal::ALL.map(|s| passes_of(frame, s));
+        self.left = Validity {
+            matte: plan.matte_feedback.is_some(),
+            glossy: plan.glossy_feedback.is_some(),
+            direct: plan.runs(Stage::DirectTaa),
+        };
+    }
+
+    /// Forgets everything.
+    pub fn reset(&mut self) {
+        *self = Self::default();
+    }
+}
+
+/// Number of passes tied to a signal.
+pub fn passes_of(frame: &Frame<'_>, signal: Signal) -> usize {
+    frame.passes.iter().filter(|p| p.signal == signal).count()
+}
+
+/// A plan and what it was made from, so that it is made anew only when that changes.
+#[derive(Clone, Debug)]
+pub(crate) struct PlanCache {
+    settings: Settings,
+    inputs: Inputs,
+    plan: Plan,
+}
+
+impl PlanCache {
+    pub(crate) fn new(settings: &Settings) -> Self {
+        Self { settings: settings.clone(), inputs: Inputs::ALL, plan: Plan::new(settings, Inputs::ALL) }
+    }
+
+    pub(crate) fn get(&mut self, settings: &Settings, inputs: Inputs) -> &Plan {
+        if self.inputs != inputs || self.settings != *settings {
+            *self = Self { settings: settings.clone(), inputs, plan: Plan::new(settings, inputs) };
+        }
+        &self.plan
+    }
+}

@@ -1,0 +1,268 @@
+//! Where a surface, or its mirror image, was in the previous frame, and which of the four pixels there still show it.
+
+use super::math::smoothstep;
+use crate::border::Guides;
+use crate::settings::{GlossyTemporal, HitFilter, Rejection, Surface as SurfaceSettings};
+use glam::{Vec2, Vec3};
+
+/// The surface that history must show: where it was, as far as motion tells.
+#[derive(Clone, Copy, Debug)]
+pub struct Expected {
+    /// Its place in the previous image, continuous pixel coordinate.
+    pub coordinate: Vec2,
+    /// A point of it, world space, at the previous frame's time.
+    pub position: Vec3,
+    /// Its normal at that time.
+    pub normal: Vec3,
+    /// View depth now: the scale of distances.
+    pub view_depth: f32,
+    /// It moved by itself.
+    pub moved: bool,
+}
+
+/// Up to four pixels of the previous image with weights that add up to 1, and how far they are to be trusted.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Lookup {
+    /// Linear pixel indices, row-major.
+    pub index: [usize; 4],
+    /// Weights; 0 for pixels that show something else.
+    pub weight: [f32; 4],
+    /// rho, 0..1; 0: there is no history.
+    pub trust: f32,
+}
+
+/// Weights under this share of the bilinear footprint are no evidence: rounding of a coordinate.
+const LEAST_FOOTPRINT: f32 = 1e-3;
+
+/// Step 1 and 6, matte: the surface at pixel (x, y), where it was. `None`: background, unknown motion, off screen, or
+/// a moving surface of which the previous image has no trace.
+pub fn expected_surface(
+    now: &Guides,
+    before: &Guides,
+    settings: &SurfaceSettings,
+    x: usize,
+    y: usize,
+) -> Option<Expected> {
+    let view_depth = now.depth.at(x, y);
+    let motion = Vec2::from(now.motion.at(x, y));
+    if !view_depth.is_finite() || motion.is_nan() {
+        return None;
+    }
+    let coordinate = Vec2::new(x as f32 + 0.5, y as f32 + 0.5) + motion;
+    if !on_screen(now, settings, coordinate) {
+        return None;
+    }
+    let position = now.world(x, y);
+    let by_camera = now.previous_view.pixel(position).map(|p| p - now.sample_position(x, y));
+    let moved = by_camera.is_none_or(|m| (m - motion).length() > settings.static_motion);
+    if !moved {
+        return Some(Expected { coordinate, position, normal: Vec3::from(now.normal.at(x, y)), view_depth, moved });
+    }
+    // Motion tells the pixel but not the depth: the nearest previous pixel of the same object anchors the plane.
+    let nearest = taps(now, coordinate)
+        .into_iter()
+        .flatten()
+        .filter(|t| before.is_surface(t.x, t.y) && before.id.at(t.x, t.y) == now.id.at(x, y))
+        .max_by(|a, b| a.weight.total_cmp(&b.weight))?;
+    let anchor = before.world(nearest.x, nearest.y);
+    let travelled = (now.previous_view.view_depth(anchor) - now.previous_view.view_depth(position)).abs();
+    if travelled > settings.moving_depth * view_depth {
+        return None;
+    }
+    let normal = Vec3::from(before.normal.at(nearest.x, nearest.y));
+    Some(Expected { coordinate, position: anchor, normal, view_depth, moved })
+}
+
+/// Steps 4 and 6: the bilinear footprint at the expected place, each of its four pixels tested singly.
+pub fn surface_lookup(
+    now: &Guides,
+    before: &Guides,
+    settings: &SurfaceSettings,
+    expected: &Expected,
+    x: usize,
+    y: usize,
+) -> Lookup {
+    let id = now.id.at(x, y);
+    lookup(now, expected.coordinate, |tx, ty| {
+        if !before.is_surface(tx, ty) || before.id.at(tx, ty) != id {
+            return 0.0;
+        }
+        if Vec3::from(before.normal.at(tx, ty)).dot(expected.normal) < settings.normal_min {
+            return 0.0;
+        }
+        distance_trust(now, before, settings, expected, tx, ty)
+    })
+}
+
+/// Step 6b, glossy: the footprint at a virtual coordinate, each pixel tested for the same reflector. Never by point
+/// distance: there the previous surface is another point of the mirror.
+pub fn reflector_lookup(
+    now: &Guides,
+    before: &Guides,
+    surface: &SurfaceSettings,
+    glossy: &GlossyTemporal,
+    expected: &Expected,
+    coordinate: Vec2,
+    x: usize,
+    y: usize,
+) -> Lookup {
+    if !on_screen(now, surface, coordinate) {
+        return Lookup::default();
+    }
+    let (id, roughness) = (now.id.at(x, y), now.roughness.at(x, y));
+    let plane = SurfaceSettings {
+        rejection: if surface.rejection == Rejection::Off { Rejection::Off } else { Rejection::Plane },
+        ..surface.clone()
+    };
+    lookup(now, coordinate, |tx, ty| {
+        if !before.is_surface(tx, ty)
+            || before.id.at(tx, ty) != id
+            || (before.roughness.at(tx, ty) - roughness).abs() > glossy.reflector_roughness
+            || Vec3::from(before.normal.at(tx, ty)).dot(expected.normal) < glossy.reflector_normal_min
+        {
+            return 0.0;
+        }
+        distance_trust(now, before, &plane, expected, tx, ty)
+    })
+}
+
+/// Step 2, glossy: where the mirror image at pixel (x, y) was. `hit_distance` as filtered by [`filtered_hit`].
+///
+/// A plane mirror's image lies behind the surface, on the eye ray, as far as the hit point lies before it. Where the
+/// reflector moved by itself, the hit point is mirrored in the plane that it had before.
+pub fn virtual_coordinate(
+    now: &Guides,
+    glossy: &GlossyTemporal,
+    expected: &Expected,
+    hit_distance: f32,
+    x: usize,
+    y: usize,
+) -> Option<Vec2> {
+    let position = now.world(x, y);
+    let eye_ray = now.view.ray_direction(now.sample_position(x, y)).normalize();
+    let limit = glossy.max_hit_distance * expected.view_depth;
+    let distance = if hit_distance.is_finite() { hit_distance.min(limit) } else { hit_distance };
+    // Unjittered previous pixel = projection; the footprint is addressed from pixel centres, as motion is.
+    let from_sample_to_centre = -now.jitter;
+    let before = if !expected.moved {
+        if distance.is_finite() {
+            now.previous_view.pixel(position + eye_ray * distance)
+        } else {
+            now.previous_view.pixel_of_direction(eye_ray)
+        }
+    } else {
+        let normal = Vec3::from(now.normal.at(x, y));
+        let reflected = eye_ray - 2.0 * eye_ray.dot(normal) * normal;
+        if distance.is_finite() {
+            let hit = position + reflected * distance;
+            let mirrored = hit - 2.0 * (hit - expected.position).dot(expected.normal) * expected.normal;
+            now.previous_view.pixel(mirrored)
+        } else {
+            let direction = reflected - 2.0 * reflected.dot(expected.normal) * expected.normal;
+            now.previous_view.pixel_of_direction(direction)
+        }
+    };
+    before.map(|p| p + from_sample_to_centre).filter(|p| p.is_finite())
+}
+
+/// The glossy hit distance of pixel (x, y) after the 3x3 filter over the same reflector.
+pub fn filtered_hit(now: &Guides, filter: HitFilter, x: usize, y: usize) -> f32 {
+    let centre = now.glossy_hit.at(x, y);
+    if filter == HitFilter::Off {
+        return centre;
+    }
+    let (w, h) = (now.size.width, now.size.height);
+    let mut values = [0.0f32; 9];
+    let mut count = 0;
+    for ty in y.saturating_sub(1)..(y + 2).min(h) {
+        for tx in x.saturating_sub(1)..(x + 2).min(w) {
+            if now.id.at(tx, ty) == now.id.at(x, y) && now.is_surface(tx, ty) {
+                values[count] = now.glossy_hit.at(tx, ty);
+                count += 1;
+            }
+        }
+    }
+    let values = &mut values[..count];
+    match filter {
+        HitFilter::Min => values.iter().copied().fold(centre, f32::min),
+        _ => {
+            values.sort_unstable_by(f32::total_cmp);
+            values.get(values.len() / 2).copied().unwrap_or(centre)
+        }
+    }
+}
+
+#[derive(Clone, Copy)]
+struct BilinearTap {
+    x: usize,
+    y: usize,
+    weight: f32,
+}
+
+fn taps(now: &Guides, coordinate: Vec2) -> [Option<BilinearTap>; 4] {
+    let corner = coordinate - 0.5;
+    let base = corner.floor();
+    let t = corner - base;
+    let mut out = [None; 4];
+    for (k, tap) in out.iter_mut().enumerate() {
+        let (i, j) = (k & 1, k >> 1);
+        let (x, y) = (base.x as isize + i as isize, base.y as isize + j as isize);
+        if now.size.contains(x, y) {
+            let weight = (if i == 0 { 1.0 - t.x } else { t.x }) * (if j == 0 { 1.0 - t.y } else { t.y });
+            *tap = Some(BilinearTap { x: x as usize, y: y as usize, weight });
+        }
+    }
+    out
+}
+
+fn lookup(now: &Guides, coordinate: Vec2, trust_of: impl Fn(usize, usize) -> f32) -> Lookup {
+    let mut found = Lookup::default();
+    let (mut total, mut trusted) = (0.0, 0.0);
+    for (k, tap) in taps(now, coordinate).into_iter().enumerate() {
+        let Some(tap) = tap else { continue };
+        let trust = trust_of(tap.x, tap.y);
+        if trust > 0.0 {
+            found.index[k] = tap.y * now.size.width + tap.x;
+            found.weight[k] = tap.weight;
+            total += tap.weight;
+            trusted += tap.weight * trust;
+        }
+    }
+    if total < LEAST_FOOTPRINT {
+        return Lookup::default();
+    }
+    for w in &mut found.weight {
+        *w /= total;
+    }
+    found.trust = trusted / total;
+    found
+}
+
+fn distance_trust(
+    now: &Guides,
+    before: &Guides,
+    settings: &SurfaceSettings,
+    expected: &Expected,
+    tx: usize,
+    ty: usize,
+) -> f32 {
+    let offset = before.world(tx, ty) - expected.position;
+    let (distance, begin) = match settings.rejection {
+        Rejection::Off => return 1.0,
+        Rejection::Plane => (
+            offset.dot(expected.normal).abs(),
+            (settings.plane_distance * expected.view_depth)
+                .max(settings.pixel_distance * now.view.pixel_size(expected.view_depth)),
+        ),
+        Rejection::Point => (offset.length(), settings.point_distance * expected.view_depth),
+    };
+    1.0 - smoothstep(begin, settings.falloff * begin, distance)
+}
+
+fn on_screen(now: &Guides, settings: &SurfaceSettings, coordinate: Vec2) -> bool {
+    let guard = settings.guard_band;
+    coordinate.x >= guard
+        && coordinate.y >= guard
+        && coordinate.x <= now.size.width as f32 - guard
+        && coordinate.y <= now.size.height as f32 - guard
+}

@@ -1,0 +1,135 @@
+//! What stages 3 and 8 share once they know where history lies: fetch, clamp, blend.
+
+use super::clip::{ColourBox, follow, shareable};
+use super::reproject::Lookup;
+use crate::border::Guides;
+use crate::frame::Rgb;
+use crate::plane::Plane;
+use crate::settings::{Clip, GlossyTemporal, MatteTemporal};
+
+/// The part of a temporal stage's parameters that blends.
+#[derive(Clone, Copy, Debug)]
+pub struct Blend {
+    /// Most that history may count.
+    pub alpha: f32,
+    /// N / (N + 1) at first.
+    pub ramp: bool,
+    /// Clamp of history.
+    pub clip: Clip,
+    /// Its radius, pixels.
+    pub clip_radius: u32,
+    /// Its width, standard deviations.
+    pub clip_gamma: f32,
+    /// History length of full confidence, frames.
+    pub confidence_frames: f32,
+}
+
+impl Blend {
+    /// Of stage 3.
+    pub fn matte(s: &MatteTemporal, confidence_frames: f32) -> Self {
+        Self {
+            alpha: s.alpha,
+            ramp: s.ramp,
+            clip: s.clip,
+            clip_radius: s.clip_radius,
+            clip_gamma: s.clip_gamma,
+            confidence_frames,
+        }
+    }
+
+    /// Of stage 8.
+    pub fn glossy(s: &GlossyTemporal, confidence_frames: f32) -> Self {
+        Self {
+            alpha: s.alpha,
+            ramp: s.ramp,
+            clip: s.clip,
+            clip_radius: s.clip_radius,
+            clip_gamma: s.clip_gamma,
+            confidence_frames,
+        }
+    }
+
+    /// Step 7: how much history counts, the confidence, and the new history length, from trust rho and the old
+    /// length N.
+    #[inline(always)]
+    pub fn weigh(&self, trust: f32, length: f32) -> Weighed {
+        if trust <= 0.0 || length <= 0.0 {
+            return Weighed { history: 0.0, confidence: 0.0, length: 1.0 };
+        }
+        let alpha = if self.ramp { self.alpha.min(length / (length + 1.0)) } else { self.alpha };
+        Weighed {
+            history: trust * alpha,
+            confidence: trust * (length / self.confidence_frames).min(1.0),
+            length: (trust * length + 1.0).min(LONGEST_HISTORY),
+        }
+    }
+
+    /// The clamp's box at pixel (x, y): of the surfaces within the radius, in the unfiltered current signal.
+    #[inline]
+    pub fn colour_box(&self, current: &Plane<Rgb>, guides: &Guides, x: usize, y: usize) -> ColourBox {
+        let r = self.clip_radius as usize;
+        let size = current.size();
+        let rows = y.saturating_sub(r)..(y + r + 1).min(size.height);
+        let columns = x.saturating_sub(r)..(x + r + 1).min(size.width);
+        let neighbours = rows
+            .flat_map(|ty| columns.clone().map(move |tx| (tx, ty)))
+            .filter(|&(tx, ty)| guides.is_surface(tx, ty))
+            .map(|(tx, ty)| current.at(tx, ty));
+        ColourBox::of(neighbours, self.clip, self.clip_gamma)
+    }
+}
+
+/// Frames after which history is counted no further.
+pub const LONGEST_HISTORY: f32 = 4096.0;
+
+/// How one pixel blends.
+#[derive(Clone, Copy, Debug)]
+pub struct Weighed {
+    /// Share of history, 0..1.
+    pub history: f32,
+    /// Confidence, 0..1.
+    pub confidence: f32,
+    /// New history length, frames.
+    pub length: f32,
+}
+
+/// Weighted mean of up to four previous pixels.
+#[inline(always)]
+pub fn fetch(history: &Plane<Rgb>, lookup: &Lookup) -> Rgb {
+    let data = history.data();
+    let mut sum = [0.0; 3];
+    for (index, weight) in lookup.index.iter().zip(lookup.weight) {
+        if weight > 0.0 {
+            for c in 0..3 {
+                sum[c] += weight * data[*index][c];
+            }
+        }
+    }
+    sum
+}
+
+/// Weighted mean of a scalar.
+#[inline(always)]
+pub fn fetch_scalar(history: &Plane<f32>, lookup: &Lookup) -> f32 {
+    let data = history.data();
+    lookup.index.iter().zip(lookup.weight).filter(|(_, w)| *w > 0.0).map(|(i, w)| w * data[*i]).sum()
+}
+
+/// Steps 5 and 7 for one pixel of one plane: history, clamped as the beauty's is, blended with the current value.
+///
+/// `beauty`: history before and after the clamp, and the current value, of the signal that the plane is tied to.
+#[inline(always)]
+pub fn blend(current: Rgb, history: Rgb, share: f32, beauty: (Rgb, Rgb, Rgb)) -> Rgb {
+    let (unclamped, clamped, now) = beauty;
+    [0, 1, 2].map(|c| {
+        let held = follow(history[c], unclamped[c], clamped[c], current[c], now[c]);
+        share * held + (1.0 - share) * current[c]
+    })
+}
+
+/// The beauty's history held to the box, in a form that passes can share.
+#[inline(always)]
+pub fn clamp_history(history: Rgb, current: Rgb, bounds: &ColourBox) -> Rgb {
+    let clamped = bounds.clamp(history);
+    [0, 1, 2].map(|c| shareable(history[c], clamped[c], current[c]))
+}

@@ -1,0 +1,422 @@
+//! The order of the stages, their switches, what each reads and writes. No other file knows it: back ends walk the
+//! [`Plan`] that is made here, so that it can be printed, timed stage by stage, bisected and ablated.
+
+use crate::frame::{Frame, Signal};
+use crate::settings::{Feedback, FireflyInput, Settings};
+
+/// One stage of the pipeline.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub enum Stage {
+    /// Stage 3.
+    MatteTemporal,
+    /// Stage 4.
+    MattePrefilter,
+    /// Stage 5.
+    Disocclusion,
+    /// Stage 6.
+    Firefly,
+    /// Stage 7.
+    MatteBilateral,
+    /// Stage 8.
+    GlossyTemporal,
+    /// Stage 9.
+    GlossyHorizontal,
+    /// Stage 10.
+    GlossyVertical,
+    /// Stage 11.
+    DirectTaa,
+    /// The sum.
+    Composite,
+}
+
+impl Stage {
+    /// All stages in the order of the paper.
+    pub const ALL: [Self; 10] = [
+        Self::MatteTemporal,
+        Self::MattePrefilter,
+        Self::Disocclusion,
+        Self::Firefly,
+        Self::MatteBilateral,
+        Self::GlossyTemporal,
+        Self::GlossyHorizontal,
+        Self::GlossyVertical,
+        Self::DirectTaa,
+        Self::Composite,
+    ];
+
+    /// The folder's name (the two glossy passes share one).
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::MatteTemporal => "matte_temporal",
+            Self::MattePrefilter => "matte_prefilter",
+            Self::Disocclusion => "disocclusion",
+            Self::Firefly => "firefly",
+            Self::MatteBilateral => "matte_bilateral",
+            Self::GlossyTemporal => "glossy_temporal",
+            Self::GlossyHorizontal => "glossy_bilateral_h",
+            Self::GlossyVertical => "glossy_bilateral_v",
+            Self::DirectTaa => "direct_taa",
+            Self::Composite => "composite",
+        }
+    }
+
+    /// The name and number that the paper's talk gives it.
+    pub const fn paper_stage(self) -> &'static str {
+        match self {
+            Self::MatteTemporal => "3 Matte Temporal",
+            Self::MattePrefilter => "4 Matte Pre-Bilateral",
+            Self::Disocclusion => "5 Disocclusion Detection",
+            Self::Firefly => "6 Firefly Suppression",
+            Self::MatteBilateral => "7 Matte Bilateral",
+            Self::GlossyTemporal => "8 Glossy Temporal",
+            Self::GlossyHorizontal => "9 Glossy H. Bilateral",
+            Self::GlossyVertical => "10 Glossy V. Bilateral",
+            Self::DirectTaa => "11 TAA of direct light",
+            Self::Composite => "Composite",
+        }
+    }
+
+    /// Milliseconds at 1280x720 that the talk's table states, on its GPU of 2017.
+    pub const fn paper_milliseconds(self) -> Option<f32> {
+        match self {
+            Self::MatteTemporal => Some(0.18),
+            Self::MattePrefilter => Some(3.32),
+            Self::Disocclusion => Some(0.76),
+            Self::Firefly => Some(0.55),
+            Self::MatteBilateral => Some(3.36),
+            Self::GlossyTemporal => Some(0.23),
+            Self::GlossyHorizontal => Some(0.34),
+            Self::GlossyVertical => Some(0.43),
+            Self::DirectTaa | Self::Composite => None,
+        }
+    }
+}
+
+/// An image that stages read and write. Signals carry their passes along.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[expect(missing_docs, reason = "the name says which stage wrote it")]
+pub enum Image {
+    Guides,
+    PreviousGuides,
+    Weights,
+    MatteInput,
+    MatteHistory,
+    MatteTemporal,
+    MatteConfidence,
+    MattePrefiltered,
+    MatteBlended,
+    MatteFloored,
+    MatteMedian,
+    MatteFiltered,
+    GlossyInput,
+    GlossyHistory,
+    GlossyTemporal,
+    GlossyConfidence,
+    GlossyHorizontal,
+    GlossyFiltered,
+    DirectInput,
+    DirectHistory,
+    DirectAntialiased,
+    Composite,
+}
+
+impl Image {
+    /// For listings.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Guides => "guides",
+            Self::PreviousGuides => "previous guides",
+            Self::Weights => "weights",
+            Self::MatteInput => "matte input",
+            Self::MatteHistory => "matte history",
+            Self::MatteTemporal => "matte temporal",
+            Self::MatteConfidence => "matte confidence, length",
+            Self::MattePrefiltered => "matte prefiltered",
+            Self::MatteBlended => "matte blended",
+            Self::MatteFloored => "matte blended with floor",
+            Self::MatteMedian => "matte median",
+            Self::MatteFiltered => "matte filtered",
+            Self::GlossyInput => "glossy input",
+            Self::GlossyHistory => "glossy history",
+            Self::GlossyTemporal => "glossy temporal",
+            Self::GlossyConfidence => "glossy confidence, length",
+            Self::GlossyHorizontal => "glossy horizontal",
+            Self::GlossyFiltered => "glossy filtered",
+            Self::DirectInput => "direct input",
+            Self::DirectHistory => "direct history",
+            Self::DirectAntialiased => "direct anti-aliased",
+            Self::Composite => "composite",
+        }
+    }
+}
+
+/// One stage as it will run.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Step {
+    /// Which.
+    pub stage: Stage,
+    /// Its input: the image that it filters.
+    pub input: Image,
+    /// What it writes first.
+    pub output: Image,
+    /// Everything else that it reads.
+    pub also_reads: Vec<Image>,
+    /// Everything else that it writes.
+    pub also_writes: Vec<Image>,
+}
+
+/// What a frame brings along; the plan depends on it.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Inputs {
+    /// It has the matte signal.
+    pub matte: bool,
+    /// It has the glossy signal.
+    pub glossy: bool,
+    /// Its samples are jittered.
+    pub jitter: bool,
+}
+
+impl Inputs {
+    /// Of a frame.
+    pub fn of(frame: &Frame<'_>) -> Self {
+        Self { matte: frame.matte.is_some(), glossy: frame.glossy.is_some(), jitter: frame.camera.jitter != [0.0; 2] }
+    }
+
+    /// A frame that has everything.
+    pub const ALL: Self = Self { matte: true, glossy: true, jitter: true };
+
+    /// Whether a signal is there.
+    pub fn has(&self, signal: Signal) -> bool {
+        match signal {
+            Signal::Matte => self.matte,
+            Signal::Glossy => self.glossy,
+        }
+    }
+}
+
+/// The stages that will run, in order, and which images are shown and remembered.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Plan {
+    /// In order.
+    pub steps: Vec<Step>,
+    /// The matte signal that is shown.
+    pub matte_output: Image,
+    /// The matte signal that is the next frame's history; `None`: there is none.
+    pub matte_feedback: Option<Image>,
+    /// The glossy signal that is shown.
+    pub glossy_output: Image,
+    /// The glossy signal that is the next frame's history.
+    pub glossy_feedback: Option<Image>,
+    /// The direct light that is shown, and remembered where it is anti-aliased.
+    pub direct_output: Image,
+}
+
+impl Plan {
+    /// Makes the plan. A stage that is off hands its input on.
+    pub fn new(settings: &Settings, inputs: Inputs) -> Self {
+        let mut steps = Vec::new();
+        let mut matte_output = Image::MatteInput;
+        let mut matte_feedback = None;
+        if inputs.matte {
+            let temporal = settings.matte_temporal.enabled;
+            let mut step = |stage, input, output, also_reads: &[Image], also_writes: &[Image]| {
+                let (also_reads, also_writes) = (also_reads.to_vec(), also_writes.to_vec());
+                steps.push(Step { stage, input, output, also_reads, also_writes });
+                output
+            };
+            let accumulated = if temporal {
+                step(
+                    Stage::MatteTemporal,
+                    Image::MatteInput,
+                    Image::MatteTemporal,
+                    &[Image::MatteHistory, Image::Guides, Image::PreviousGuides],
+                    &[Image::MatteConfidence],
+                )
+            } else {
+                Image::MatteInput
+            };
+            let prefiltered = if settings.matte_prefilter.enabled {
+                step(Stage::MattePrefilter, accumulated, Image::MattePrefiltered, &[Image::Guides], &[])
+            } else {
+                accumulated
+            };
+            let wants_floor = settings.pipeline.feedback == Feedback::Blend;
+            // Without history everything is fresh: the blend would be the prefiltered image.
+            let (blended, floored) = if !temporal {
+                (prefiltered, prefiltered)
+            } else if settings.disocclusion.enabled && prefiltered != accumulated {
+                let floor: &[Image] = if wants_floor { &[Image::MatteFloored] } else { &[] };
+                let blended = step(
+                    Stage::Disocclusion,
+                    accumulated,
+                    Image::MatteBlended,
+                    &[prefiltered, Image::MatteConfidence],
+                    floor,
+                );
+                (blended, Image::MatteFloored)
+            } else {
+                (accumulated, accumulated)
+            };
+            let median_input = match settings.firefly.input {
+                FireflyInput::Disocclusion => blended,
+                FireflyInput::Temporal => accumulated,
+            };
+            let median = if settings.firefly.enabled {
+                step(Stage::Firefly, median_input, Image::MatteMedian, &[Image::Guides], &[])
+            } else {
+                blended
+            };
+            let filtered = if settings.matte_bilateral.enabled {
+                step(Stage::MatteBilateral, median, Image::MatteFiltered, &[Image::Guides], &[])
+            } else {
+                median
+            };
+            matte_output = filtered;
+            matte_feedback = temporal.then_some(match settings.pipeline.feedback {
+                Feedback::Temporal => accumulated,
+                Feedback::Prefilter => prefiltered,
+                Feedback::Blend => floored,
+                Feedback::Firefly => median,
+                Feedback::Bilateral => filtered,
+            });
+        }
+        let mut glossy_output = Image::GlossyInput;
+        let mut glossy_feedback = None;
+        if inputs.glossy {
+            if settings.glossy_temporal.enabled {
+                steps.push(Step {
+                    stage: Stage::GlossyTemporal,
+                    input: glossy_output,
+                    output: Image::GlossyTemporal,
+                    also_reads: vec![Image::GlossyHistory, Image::Guides, Image::PreviousGuides],
+                    also_writes: vec![Image::GlossyConfidence],
+                });
+                glossy_output = Image::GlossyTemporal;
+                glossy_feedback = Some(Image::GlossyTemporal);
+            }
+            if settings.glossy_bilateral.enabled {
+                for (stage, output) in
+                    [(Stage::GlossyHorizontal, Image::GlossyHorizontal), (Stage::GlossyVertical, Image::GlossyFiltered)]
+                {
+                    steps.push(Step {
+                        stage,
+                        input: glossy_output,
+                        output,
+                        also_reads: vec![Image::Guides],
+                        also_writes: vec![],
+                    });
+                    glossy_output = output;
+                }
+            }
+        }
+        let mut direct_output = Image::DirectInput;
+        if inputs.jitter && settings.direct_taa.enabled {
+            steps.push(Step {
+                stage: Stage::DirectTaa,
+                input: direct_output,
+                output: Image::DirectAntialiased,
+                also_reads: vec![Image::DirectHistory, Image::Guides],
+                also_writes: vec![],
+            });
+            direct_output = Image::DirectAntialiased;
+        }
+        let mut also_reads = vec![Image::Weights];
+        also_reads.extend(inputs.matte.then_some(matte_output));
+        also_reads.extend(inputs.glossy.then_some(glossy_output));
+        steps.push(Step {
+            stage: Stage::Composite,
+            input: direct_output,
+            output: Image::Composite,
+            also_reads,
+            also_writes: vec![],
+        });
+        Self { steps, matte_output, matte_feedback, glossy_output, glossy_feedback, direct_output }
+    }
+
+    /// True where a stage will run.
+    pub fn runs(&self, stage: Stage) -> bool {
+        self.steps.iter().any(|s| s.stage == stage)
+    }
+}
+
+impl std::fmt::Display for Plan {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let list = |images: &[Image]| images.iter().map(|i| i.name()).collect::<Vec<_>>().join(", ");
+        for stage in Stage::ALL {
+            match self.steps.iter().find(|s| s.stage == stage) {
+                Some(step) => {
+                    let reads: Vec<Image> =
+                        std::iter::once(step.input).chain(step.also_reads.iter().copied()).collect();
+                    let writes: Vec<Image> =
+                        std::iter::once(step.output).chain(step.also_writes.iter().copied()).collect();
+                    writeln!(f, "{:<25} {} -> {}", stage.paper_stage(), list(&reads), list(&writes))?;
+                }
+                None => writeln!(f, "{:<25} does not run", stage.paper_stage())?,
+            }
+        }
+        writeln!(
+            f,
+            "shown: {}, {}, {}",
+            self.matte_output.name(),
+            self.glossy_output.name(),
+            self.direct_output.name()
+        )?;
+        let remembered: Vec<Image> = self.matte_feedback.into_iter().chain(self.glossy_feedback).collect();
+        write!(f, "remembered: {}", if remembered.is_empty() { "nothing".to_owned() } else { list(&remembered) })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_image_read_was_written_before() {
+        let given = [
+            Image::Guides,
+            Image::PreviousGuides,
+            Image::Weights,
+            Image::MatteInput,
+            Image::GlossyInput,
+            Image::DirectInput,
+            Image::MatteHistory,
+            Image::GlossyHistory,
+            Image::DirectHistory,
+        ];
+        let feedbacks = ["temporal", "prefilter", "blend", "firefly", "bilateral"];
+        let switches = [
+            "matte_temporal.enabled",
+            "matte_prefilter.enabled",
+            "disocclusion.enabled",
+            "firefly.enabled",
+            "matte_bilateral.enabled",
+            "glossy_temporal.enabled",
+            "glossy_bilateral.enabled",
+            "direct_taa.enabled",
+        ];
+        for feedback in feedbacks {
+            for mask in 0..1u32 << switches.len() {
+                let mut settings = Settings::default();
+                settings.set("pipeline.feedback", feedback).unwrap();
+                for (i, switch) in switches.iter().enumerate() {
+                    settings.set(switch, if mask >> i & 1 == 1 { "on" } else { "off" }).unwrap();
+                }
+                let plan = Plan::new(&settings, Inputs::ALL);
+                let mut known = given.to_vec();
+                for step in &plan.steps {
+                    for read in std::iter::once(&step.input).chain(&step.also_reads) {
+                        assert!(known.contains(read), "{read:?} in {:?}\n{plan}", step.stage);
+                    }
+                    known.push(step.output);
+                    known.extend(&step.also_writes);
+                }
+                for image in [plan.matte_output, plan.glossy_output, plan.direct_output] {
+                    assert!(known.contains(&image));
+                }
+                for image in plan.matte_feedback.into_iter().chain(plan.glossy_feedback) {
+                    assert!(known.contains(&image), "{image:?}\n{plan}");
+                }
+            }
+        }
+    }
+}

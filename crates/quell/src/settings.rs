@@ -1,0 +1,652 @@
+//! Every parameter, declared once: name, unit, range, default, what higher and lower values do, source. The command
+//! line (`--set stage.parameter=value`), `quell explain` and `docs/parameters.md` are made from this table.
+//!
+//! Sources: \[S] the talk's slides, \[A] the paper's abstract, \[E] the authors' engine, \[I] inferred, \[O] open: a choice
+//! of ours, recorded in `docs/paper.md`. Radii in pixels are meant at 720 rows and scale with the image's height;
+//! lengths are relative to view depth, or to the size of a pixel at that depth.
+
+use crate::error::Error;
+use std::fmt::Write as _;
+use std::ops::RangeInclusive;
+
+/// Rows at which radii in pixels are meant.
+pub const REFERENCE_ROWS: f32 = 720.0;
+
+/// A named set of parameter values.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Preset {
+    /// The algorithm of 2017 as far as known; departures in `docs/paper.md`.
+    Paper,
+}
+
+impl Preset {
+    /// All presets.
+    pub const ALL: [Self; 1] = [Self::Paper];
+
+    /// The name on the command line.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Paper => "paper",
+        }
+    }
+}
+
+impl std::str::FromStr for Preset {
+    type Err = Error;
+
+    fn from_str(name: &str) -> Result<Self, Error> {
+        Self::ALL
+            .into_iter()
+            .find(|p| p.name() == name)
+            .ok_or_else(|| Error::UnknownPreset { name: name.to_owned(), known: Self::ALL.map(Self::name).join(", ") })
+    }
+}
+
+/// A type that a parameter can have.
+trait Value: Sized {
+    type Range;
+    fn parse(text: &str, range: &Self::Range) -> Option<Self>;
+    fn format(&self) -> String;
+    fn describe(range: &Self::Range) -> String;
+    /// Values worth trying in a test that moves each parameter: inside the range.
+    fn samples(range: &Self::Range) -> Vec<String>;
+}
+
+impl Value for f32 {
+    type Range = RangeInclusive<f32>;
+    fn parse(text: &str, range: &Self::Range) -> Option<Self> {
+        text.trim().parse().ok().filter(|v: &f32| v.is_finite() && range.contains(v))
+    }
+    fn format(&self) -> String {
+        self.to_string()
+    }
+    fn describe(range: &Self::Range) -> String {
+        format!("a number from {} to {}", range.start(), range.end())
+    }
+    fn samples(range: &Self::Range) -> Vec<String> {
+        let (a, b) = (*range.start(), *range.end());
+        // Geometric and arithmetic middles as well as the ends: which of them acts depends on the parameter.
+        [a, a + (b - a) * 0.01, a + (b - a) * 0.1, a + (b - a) * 0.5, b].iter().map(f32::to_string).collect()
+    }
+}
+
+impl Value for u32 {
+    type Range = RangeInclusive<u32>;
+    fn parse(text: &str, range: &Self::Range) -> Option<Self> {
+        text.trim().parse().ok().filter(|v| range.contains(v))
+    }
+    fn format(&self) -> String {
+        self.to_string()
+    }
+    fn describe(range: &Self::Range) -> String {
+        format!("a whole number from {} to {}", range.start(), range.end())
+    }
+    fn samples(range: &Self::Range) -> Vec<String> {
+        let (a, b) = (*range.start(), *range.end());
+        [a, a + 1, a + (b - a) / 2, b].iter().map(u32::to_string).collect()
+    }
+}
+
+impl Value for bool {
+    type Range = ();
+    fn parse(text: &str, (): &()) -> Option<Self> {
+        match text.trim() {
+            "on" | "true" | "1" | "yes" => Some(true),
+            "off" | "false" | "0" | "no" => Some(false),
+            _ => None,
+        }
+    }
+    fn format(&self) -> String {
+        if *self { "on" } else { "off" }.to_owned()
+    }
+    fn describe((): &()) -> String {
+        "on or off".to_owned()
+    }
+    fn samples((): &()) -> Vec<String> {
+        vec!["on".to_owned(), "off".to_owned()]
+    }
+}
+
+macro_rules! choices {
+    ($( $(#[$meta:meta])* $name:ident { $( $(#[$vmeta:meta])* $variant:ident = $text:literal ),+ $(,)? } )+) => { $(
+        $(#[$meta])*
+        #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+        pub enum $name { $( $(#[$vmeta])* $variant ),+ }
+
+        impl Value for $name {
+            type Range = ();
+            fn parse(text: &str, (): &()) -> Option<Self> {
+                match text.trim() { $( $text => Some(Self::$variant), )+ _ => None }
+            }
+            fn format(&self) -> String {
+                match self { $( Self::$variant => $text.to_owned() ),+ }
+            }
+            fn describe((): &()) -> String {
+                format!("one of {}", [$($text),+].join(", "))
+            }
+            fn samples((): &()) -> Vec<String> {
+                vec![$($text.to_owned()),+]
+            }
+        }
+    )+ };
+}
+
+choices! {
+    /// Which image of this frame is the matte history of the next.
+    Feedback {
+        /// Stage 3's own output: plain temporal accumulation.
+        Temporal = "temporal",
+        /// After stage 4.
+        Prefilter = "prefilter",
+        /// Stage 5's blend of temporal and prefiltered, with at least `disocclusion.feedback_floor` of the latter.
+        Blend = "blend",
+        /// After stage 6.
+        Firefly = "firefly",
+        /// After stage 7.
+        Bilateral = "bilateral",
+    }
+    /// How history is clamped to the current signal's neighbourhood.
+    Clip {
+        /// Not at all.
+        Off = "off",
+        /// To the minimum and maximum, per channel in YCoCg.
+        Box = "box",
+        /// To mean +- gamma standard deviations, per channel in YCoCg.
+        Sigma = "sigma",
+    }
+    /// Which distance between the surface now and the one remembered rejects history.
+    Rejection {
+        /// Never rejected by distance (identity and normals still count).
+        Off = "off",
+        /// Distance to the tangent plane.
+        Plane = "plane",
+        /// Distance of the points (the engine's; rejects floors at grazing views).
+        Point = "point",
+    }
+    /// What is done to the glossy hit distance before it moves the virtual point.
+    HitFilter {
+        /// Nothing.
+        Off = "off",
+        /// Minimum over 3x3.
+        Min = "min",
+        /// Median over 3x3.
+        Median = "median",
+    }
+    /// What the median filter chooses.
+    Median {
+        /// The median of each channel (the engine's).
+        Channel = "channel",
+        /// The pixel of median luminance, for all channels.
+        Luminance = "luminance",
+    }
+    /// What the median filter reads.
+    FireflyInput {
+        /// Stage 5's output.
+        Disocclusion = "disocclusion",
+        /// Stage 3's output.
+        Temporal = "temporal",
+    }
+    /// What happens to taps that leave the image.
+    OffScreen {
+        /// They are left out.
+        Skip = "skip",
+        /// They are mirrored back in.
+        Mirror = "mirror",
+    }
+    /// How the glossy kernel is sized.
+    GlossyRadius {
+        /// By the lobe's footprint: roughness and hit distance.
+        Footprint = "footprint",
+        /// The same everywhere.
+        Constant = "constant",
+    }
+}
+
+/// What the table says of one parameter.
+pub struct Parameter {
+    /// `stage.parameter`, as `--set` takes it.
+    pub name: &'static str,
+    /// The group: a stage or a kernel that several stages share.
+    pub group: &'static str,
+    /// Unit, empty for plain numbers.
+    pub unit: &'static str,
+    /// What it is.
+    pub doc: &'static str,
+    /// What a higher value (or `on`) does.
+    pub higher: &'static str,
+    /// What a lower value (or `off`) does.
+    pub lower: &'static str,
+    /// Mark and source.
+    pub source: &'static str,
+    describe: fn() -> String,
+    samples: fn() -> Vec<String>,
+    get: fn(&Settings) -> String,
+    set: fn(&mut Settings, &str) -> bool,
+}
+
+impl Parameter {
+    /// Kind and range in words.
+    pub fn range(&self) -> String {
+        (self.describe)()
+    }
+
+    /// Some values inside the range, the ends among them.
+    pub fn samples(&self) -> Vec<String> {
+        (self.samples)()
+    }
+}
+
+impl std::fmt::Debug for Parameter {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Parameter").field("name", &self.name).field("range", &self.range()).finish_non_exhaustive()
+    }
+}
+
+macro_rules! parameters {
+    ($(
+        $(#[$gmeta:meta])*
+        $group:ident: $Group:ident {
+            $( $field:ident: $T:ty = $default:expr, $range:expr, $unit:literal, $doc:literal,
+               higher $higher:literal, lower $lower:literal, source $source:literal; )+
+        }
+    )+) => {
+        $(
+            $(#[$gmeta])*
+            #[derive(Clone, Debug, PartialEq)]
+            pub struct $Group { $( #[doc = $doc] pub $field: $T, )+ }
+
+            impl Default for $Group {
+                fn default() -> Self { Self { $( $field: $default, )+ } }
+            }
+        )+
+
+        /// The value of every parameter. The default is the preset `paper`.
+        #[derive(Clone, Debug, Default, PartialEq)]
+        pub struct Settings { $( $(#[$gmeta])* pub $group: $Group, )+ }
+
+        /// Every parameter, in the order of the pipeline.
+        pub static PARAMETERS: &[Parameter] = &[ $( $( Parameter {
+            name: concat!(stringify!($group), ".", stringify!($field)),
+            group: stringify!($group),
+            unit: $unit,
+            doc: $doc,
+            higher: $higher,
+            lower: $lower,
+            source: $source,
+            describe: || <$T as Value>::describe(&$range),
+            samples: || <$T as Value>::samples(&$range),
+            get: |s| Value::format(&s.$group.$field),
+            set: |s, text| match <$T as Value>::parse(text, &$range) {
+                Some(value) => { s.$group.$field = value; true }
+                None => false,
+            },
+        }, )+ )+ ];
+    };
+}
+
+parameters! {
+    /// What concerns the order of the stages.
+    pipeline: Pipeline {
+        feedback: Feedback = Feedback::Prefilter, (), "",
+            "Image of this frame that is the next frame's matte history.",
+            higher "Later images are smoother, and blur once a frame.", lower "Earlier ones keep detail and noise.",
+            source "[S] a spatially filtered image is fed back; [O] which";
+    }
+    /// When history counts as the same surface: shared by stages 3 and 8.
+    surface: Surface {
+        rejection: Rejection = Rejection::Plane, (), "",
+            "Distance that rejects history.",
+            higher "`plane` keeps floors at grazing views.", lower "`off` ghosts, `point` is the engine's.",
+            source "[E] point distance; ours: plane";
+        plane_distance: f32 = 0.005, 0.0..=1.0, "of view depth",
+            "Plane distance at which trust begins to fall (never under `pixel_distance`).",
+            higher "More ghosting.", lower "More history is lost, more noise.", source "[O]";
+        pixel_distance: f32 = 1.0, 0.0..=16.0, "pixel sizes at that depth",
+            "Least plane distance at which trust begins to fall.",
+            higher "Silhouettes of the distance blend.", lower "Distant surfaces lose history.", source "[O]";
+        point_distance: f32 = 0.01, 0.0..=1.0, "of view depth",
+            "Point distance at which trust begins to fall, where `rejection` is `point`.",
+            higher "More ghosting.", lower "More history is lost.", source "[E] 0.05 m, taken at 5 m";
+        falloff: f32 = 1.4, 1.0..=10.0, "of the distance above",
+            "Distance at which trust is 0.",
+            higher "Softer decision.", lower "Harder decision.", source "[E] 0.07 m over 0.05 m";
+        normal_min: f32 = 0.5, -1.0..=1.0, "cosine",
+            "Least cosine between the normals now and then.",
+            higher "History is lost on rotating and bumpy surfaces.", lower "Light crosses creases.", source "[O]";
+        static_motion: f32 = 1.0, 0.0..=16.0, "pixels",
+            "A surface counts as unmoved where its motion differs from the camera's own by less.",
+            higher "Slow objects are tested as if they stood still.", lower "Rounding counts as movement.",
+            source "[I] under a pixel's size";
+        moving_depth: f32 = 0.1, 0.0..=10.0, "of view depth",
+            "How far in depth a moving surface may have come from.",
+            higher "What it uncovers may ghost where ids are missing.", lower "Fast approach loses history.",
+            source "[O]";
+        guard_band: f32 = 0.0, 0.0..=64.0, "pixels",
+            "Border of the previous image that is not trusted.",
+            higher "Fresh noise at the edges of the picture.", lower "None.", source "[E]";
+        confidence_frames: f32 = 4.0, 1.0..=64.0, "frames",
+            "History length at which confidence is full.",
+            higher "Stage 5 helps for longer.", lower "Stage 5 lets go earlier.", source "[O] algorithm, 3.7";
+    }
+    /// Stage 3.
+    matte_temporal: MatteTemporal {
+        enabled: bool = true, (), "", "Switch of the stage.",
+            higher "On.", lower "The ablation without temporal filters.", source "[S]";
+        alpha: f32 = 0.98, 0.0..=0.999, "share of history",
+            "Most that history may count. The window is 1 / (1 - alpha) frames.",
+            higher "Less noise and boiling, more lag.", lower "Quicker, noisier.",
+            source "[I] a third party's implementation; the engine's generic default is 0.9";
+        ramp: bool = true, (), "",
+            "History of N frames counts at most N / (N + 1): a plain mean at first.",
+            higher "Quick start.", lower "As in the paper: the first sample keeps most of the weight for long.",
+            source "ours, named departure";
+        clip: Clip = Clip::Off, (), "",
+            "Clamp of history to the current signal's neighbourhood.",
+            higher "Less ghosting of light; loses energy where light is sparse.", lower "Light changes lag.",
+            source "[O] off: stage 3 costs less than stage 8, and the box of raw noise loses energy";
+        clip_radius: u32 = 2, 1..=4, "pixels", "Radius of the clamp's window.",
+            higher "Looser clamp.", lower "Tighter clamp, more noise.", source "[I] 1 in the paper, [S] 2 in the final images";
+        clip_gamma: f32 = 1.5, 0.0..=16.0, "standard deviations", "Width of the clamp where `clip` is `sigma`.",
+            higher "Looser clamp.", lower "Tighter clamp.", source "[O]";
+    }
+    /// The cross-bilateral weight that stages 4, 7, 9 and 10 share. Geometry only.
+    edge: Edge {
+        depth: f32 = 5.0, 0.0..=1000.0, "per relative depth", "Kz: fall of the weight with the distance in depth from the tangent plane.",
+            higher "Sharper edges, less smoothing of curved surfaces.", lower "Light leaks over steps.",
+            source "[E] 1 per metre; ours relative, 5 at 5 m";
+        normal: f32 = 1.0, 0.0..=100.0, "", "Kn: fall of the weight with 1 - cosine^4 of the normals.",
+            higher "Sharper creases, less smoothing.", lower "Light leaks round corners.", source "[E] 1; 1.5 in 2018";
+        plane: f32 = 1.0, 0.0..=100.0, "", "Kp: fall of the weight with the sine of the angle out of the tangent planes.",
+            higher "Sharper steps.", lower "Light leaks over steps.", source "[E] 1; 1.5 in 2018";
+        matte_gloss: f32 = 0.0, 0.0..=100.0, "", "Kg of the matte stages: fall of the weight with the difference in smoothness.",
+            higher "Matte light stops at changes of gloss.", lower "Matte light ignores gloss.", source "[E] 0";
+        glossy_gloss: f32 = 1.0, 0.0..=100.0, "", "Kg of the glossy stages.",
+            higher "Reflections stop at changes of gloss.", lower "Reflections bleed over them.", source "[O] 1";
+        monotone: bool = false, (), "", "Along a separable kernel's line, outwards, the weight may only fall.",
+            higher "Stops leaks across thin foreground objects.", lower "Each tap is judged alone.", source "[E] optional";
+    }
+    /// Stage 4.
+    matte_prefilter: MattePrefilter {
+        enabled: bool = true, (), "", "Switch of the stage.",
+            higher "On.", lower "The ablation without spatial filters (with stages 7, 9 and 10).", source "[S]";
+        taps: u32 = 24, 1..=64, "", "Taps of the spiral.",
+            higher "Smoother, slower.", lower "Grainier, faster.", source "[O] about 25 to 50 taps fit 3.3 ms of 2017";
+        radius: f32 = 32.0, 0.0..=256.0, "pixels at 720 rows", "Radius of the spiral.",
+            higher "Smoother, flatter.", lower "Noisier, sharper.", source "[O]";
+        sigma: f32 = 0.5, 0.05..=10.0, "of the radius", "Gaussian over the spiral.",
+            higher "Wider.", lower "Narrower.", source "[O] 1/2 or 1/3";
+        turns: u32 = 0, 0..=63, "", "Turns of the spiral; 0: the best known for the number of taps.",
+            higher "Another arrangement of the taps.", lower "Another arrangement of the taps.",
+            source "[E] 19:7, 24:7, 32:7, 36:11, 48:11";
+        rotate: bool = true, (), "", "The pattern changes from frame to frame.",
+            higher "Pattern noise averages out over time.", lower "The pattern stands still.", source "[O] engine default on";
+        off_screen: OffScreen = OffScreen::Skip, (), "", "Taps beyond the image's edge.",
+            higher "`mirror`: as many taps at the edge as elsewhere.", lower "`skip`: fewer.", source "[O]";
+    }
+    /// Stage 5.
+    disocclusion: Disocclusion {
+        enabled: bool = true, (), "", "Switch of the stage.",
+            higher "On.", lower "The ablation without the disocclusion filter.", source "[S] that it exists; [O] what it does";
+        radius: u32 = 3, 0..=8, "pixels", "Radius of the maximum of distrust.",
+            higher "Wider bands of the smooth estimate.", lower "Noise at moving silhouettes.", source "[O] 5x5 or 7x7";
+        blur: u32 = 3, 0..=8, "pixels", "Radius of the blur of distrust after its maximum.",
+            higher "Softer borders.", lower "Visible borders.", source "[O]";
+        floor: f32 = 0.0, 0.0..=1.0, "share of stage 4", "Least share of the prefiltered image in the output.",
+            higher "Smoother everywhere.", lower "Trusted pixels keep the temporal value.", source "[O]";
+        feedback_floor: f32 = 0.1, 0.0..=1.0, "share of stage 4",
+            "Least share of the prefiltered image in what `pipeline.feedback = blend` feeds back.",
+            higher "Less noise, wider steady blur.", lower "More detail, more noise.", source "[O] 0.1";
+    }
+    /// Stage 6.
+    firefly: Firefly {
+        enabled: bool = true, (), "", "Switch of the stage.",
+            higher "On.", lower "Fireflies pass.", source "[S] 3x3 median";
+        median: Median = Median::Channel, (), "", "What the median chooses.",
+            higher "`luminance` keeps hue.", lower "`channel` shifts it a little.", source "[E] per channel";
+        input: FireflyInput = FireflyInput::Disocclusion, (), "", "What the median reads.",
+            higher "`disocclusion`.", lower "`temporal` ignores stages 4 and 5.", source "[I]";
+    }
+    /// Stage 7.
+    matte_bilateral: MatteBilateral {
+        enabled: bool = true, (), "", "Switch of the stage.",
+            higher "On.", lower "The ablation without spatial filters (with stages 4, 9 and 10).", source "[S]";
+        taps: u32 = 24, 1..=64, "", "Taps of the spiral.",
+            higher "Smoother, slower.", lower "Grainier, faster.", source "[O]";
+        radius: f32 = 32.0, 0.0..=256.0, "pixels at 720 rows", "Radius of the spiral.",
+            higher "Smoother, flatter.", lower "Noisier, sharper.", source "[O]";
+        sigma: f32 = 0.5, 0.05..=10.0, "of the radius", "Gaussian over the spiral.",
+            higher "Wider.", lower "Narrower.", source "[O] 1/2 or 1/3";
+        turns: u32 = 0, 0..=63, "", "Turns of the spiral; 0: the best known for the number of taps.",
+            higher "Another arrangement of the taps.", lower "Another arrangement of the taps.", source "[E]";
+        rotate: bool = true, (), "", "The pattern changes from frame to frame.",
+            higher "Flickers where taps are few.", lower "The pattern stands still, and may show.", source "[O]";
+        off_screen: OffScreen = OffScreen::Skip, (), "", "Taps beyond the image's edge.",
+            higher "`mirror`: as many taps at the edge as elsewhere.", lower "`skip`: fewer.", source "[O]";
+    }
+    /// Stage 8.
+    glossy_temporal: GlossyTemporal {
+        enabled: bool = true, (), "", "Switch of the stage.",
+            higher "On.", lower "The ablation without temporal filters.", source "[S]";
+        virtual_reprojection: bool = true, (), "", "History is fetched where the reflected image was, not the surface.",
+            higher "On.", lower "The ablation without virtual glossy reprojection: reflections smear.", source "[S]";
+        alpha: f32 = 0.95, 0.0..=0.999, "share of history", "Most that history may count.",
+            higher "Less noise, more smear.", lower "Quicker, noisier.", source "[O] 0.9, 0.98";
+        ramp: bool = true, (), "", "History of N frames counts at most N / (N + 1).",
+            higher "Quick start.", lower "As in the paper.", source "ours, named departure";
+        clip: Clip = Clip::Box, (), "", "Clamp of history to the current signal's neighbourhood.",
+            higher "Less ghosting of reflections; loses energy where light is sparse.", lower "Reflections lag.",
+            source "[S] on in the final images";
+        clip_radius: u32 = 2, 1..=4, "pixels", "Radius of the clamp's window.",
+            higher "Looser clamp.", lower "Tighter clamp, more noise.", source "[S] 2 in the final images";
+        clip_gamma: f32 = 1.5, 0.0..=16.0, "standard deviations", "Width of the clamp where `clip` is `sigma`.",
+            higher "Looser clamp.", lower "Tighter clamp.", source "[O]";
+        hit_filter: HitFilter = HitFilter::Min, (), "", "Filter of the hit distance over 3x3 before use.",
+            higher "`min` and `median` keep the virtual point from jittering.", lower "`off`.", source "[I]";
+        max_hit_distance: f32 = 1000.0, 0.0..=1e6, "of view depth", "Hit distances beyond it count as it.",
+            higher "Distant reflections move by rotation only.", lower "They move with the surface.", source "[E] 1000 units";
+        reflector_normal_min: f32 = 0.9, -1.0..=1.0, "cosine", "Least cosine between normals for taps to lie on the same reflector.",
+            higher "Curved mirrors lose history.", lower "Reflections cross creases.", source "[O]";
+        reflector_roughness: f32 = 0.1, 0.0..=1.0, "perceptual roughness", "Most by which the roughness of taps on the same reflector may differ.",
+            higher "Reflections cross changes of gloss.", lower "Textured gloss loses history.", source "[O]";
+    }
+    /// Stages 9 and 10.
+    glossy_bilateral: GlossyBilateral {
+        enabled: bool = true, (), "", "Switch of both passes.",
+            higher "On.", lower "The ablation without spatial filters (with stages 4 and 7).", source "[S]";
+        radius: GlossyRadius = GlossyRadius::Footprint, (), "", "How the kernel is sized.",
+            higher "`footprint` keeps mirrors sharp.", lower "`constant` blurs every gloss alike.", source "[O]; [E] constant";
+        max_radius: f32 = 12.0, 0.0..=64.0, "pixels at 720 rows", "Largest radius.",
+            higher "Smoother rough reflections.", lower "Noisier ones.", source "[O] 12";
+        min_radius: f32 = 0.5, 0.0..=8.0, "pixels", "Below it nothing is filtered.",
+            higher "Sharper near-mirrors.", lower "Softer ones.", source "[O] 0.5";
+        step: f32 = 2.0, 0.5..=8.0, "pixels at 720 rows", "Distance between taps.",
+            higher "Faster, coarser.", lower "Slower for the same radius.", source "[E] 2";
+        sigma: f32 = 0.75, 0.05..=10.0, "of the radius", "Gaussian over the kernel.",
+            higher "Wider.", lower "Narrower.", source "[E] 3 taps for R <= 4";
+        constant_radius: f32 = 8.0, 0.0..=64.0, "pixels at 720 rows", "Radius where `radius` is `constant`.",
+            higher "Smoother.", lower "Sharper.", source "[E] 4 taps of 2 pixels";
+    }
+    /// Stage 11.
+    direct_taa: DirectTaa {
+        enabled: bool = true, (), "", "Switch of the stage. It acts only on frames with jitter.",
+            higher "On.", lower "Jittered edges crawl.", source "[S]";
+        history: f32 = 0.6, 0.0..=0.99, "share of history", "Most that history may count.",
+            higher "Smoother edges.", lower "Crisper, more aliasing.", source "[E] 0.6";
+        motion_falloff: f32 = 8.0, 0.1..=1000.0, "pixels at 720 rows", "Motion at which history counts nothing.",
+            higher "Blur in motion.", lower "Aliasing in motion.", source "[E] falls with motion; [O] how fast";
+        clamp_falloff: f32 = 1.0, 0.0..=100.0, "per relative change", "Fall of history's share with the amount that the clamp changed.",
+            higher "Less ghosting.", lower "Smoother edges.", source "[E] falls with the amount clamped; [O] how fast";
+    }
+}
+
+impl Settings {
+    /// The values of a preset.
+    pub fn preset(preset: Preset) -> Self {
+        match preset {
+            Preset::Paper => Self::default(),
+        }
+    }
+
+    /// Sets `stage.parameter` from text.
+    ///
+    /// # Errors
+    /// [`Error::UnknownParameter`] with the nearest names, [`Error::ParameterValue`] with the range.
+    pub fn set(&mut self, name: &str, value: &str) -> Result<(), Error> {
+        let parameter = find(name)?;
+        if (parameter.set)(self, value) {
+            Ok(())
+        } else {
+            Err(Error::ParameterValue { name: name.to_owned(), value: value.to_owned(), expected: parameter.range() })
+        }
+    }
+
+    /// The value of `stage.parameter` as text that [`Settings::set`] takes.
+    ///
+    /// # Errors
+    /// [`Error::UnknownParameter`] with the nearest names.
+    pub fn get(&self, name: &str) -> Result<String, Error> {
+        Ok((find(name)?.get)(self))
+    }
+
+    /// Checks that every value lies in its range (fields can be set without [`Settings::set`]).
+    ///
+    /// # Errors
+    /// [`Error::ParameterValue`] for the first that does not.
+    pub fn check(&self) -> Result<(), Error> {
+        let mut copy = self.clone();
+        PARAMETERS.iter().try_for_each(|p| copy.set(p.name, &(p.get)(self)))
+    }
+
+    /// Every spatial filter off: the talk's ablation "without spatial filters".
+    #[must_use]
+    pub fn without_spatial_filters(mut self) -> Self {
+        self.matte_prefilter.enabled = false;
+        self.matte_bilateral.enabled = false;
+        self.glossy_bilateral.enabled = false;
+        self
+    }
+
+    /// Every temporal filter off: the talk's ablation "without temporal filters".
+    #[must_use]
+    pub fn without_temporal_filters(mut self) -> Self {
+        self.matte_temporal.enabled = false;
+        self.glossy_temporal.enabled = false;
+        self.direct_taa.enabled = false;
+        self
+    }
+
+    /// Every stage but the composite off: output equals input.
+    #[must_use]
+    pub fn without_denoising(self) -> Self {
+        let mut off = self.without_spatial_filters().without_temporal_filters();
+        off.disocclusion.enabled = false;
+        off.firefly.enabled = false;
+        off
+    }
+}
+
+/// The reference page of all parameters, as `docs/parameters.md` holds it.
+pub fn parameters_markdown() -> String {
+    let defaults = Settings::default();
+    let mut page = String::from(
+        "# Parameters\n\nMade from `crates/quell/src/settings.rs` by `quell explain --markdown`; a test keeps it current. Set any of them with \
+         `--set stage.parameter=value` or in a TOML file (`--settings`). Radii in pixels are meant at 720 rows and \
+         scale with the height. Marks: [S] the talk's slides, [E] the authors' engine, [I] inferred, [O] open, a \
+         choice of ours (`docs/paper.md`).\n",
+    );
+    let mut group = "";
+    for p in PARAMETERS {
+        if p.group != group {
+            group = p.group;
+            let _ = write!(
+                page,
+                "\n## {group}\n\n| parameter | default | range | meaning | higher | lower | source |\n|---|---|---|---|---|---|---|\n"
+            );
+        }
+        let range = if p.unit.is_empty() { p.range() } else { format!("{}, {}", p.range(), p.unit) };
+        let short = p.name.rsplit('.').next().unwrap_or(p.name);
+        let _ = writeln!(
+            page,
+            "| `{short}` | {} | {range} | {} | {} | {} | {} |",
+            (p.get)(&defaults),
+            p.doc,
+            p.higher,
+            p.lower,
+            p.source
+        );
+    }
+    page
+}
+
+fn find(name: &str) -> Result<&'static Parameter, Error> {
+    PARAMETERS.iter().find(|p| p.name == name).ok_or_else(|| Error::UnknownParameter {
+        name: name.to_owned(),
+        nearest: nearest(name, PARAMETERS.iter().map(|p| p.name)),
+    })
+}
+
+/// Up to three candidates whose edit distance to `name` is small, nearest first; a candidate whose last part equals
+/// `name`'s last part counts as near.
+pub fn nearest<'a>(name: &str, candidates: impl Iterator<Item = &'a str>) -> Vec<String> {
+    fn last(text: &str) -> &str {
+        text.rsplit('.').next().unwrap_or(text)
+    }
+    let mut scored: Vec<(usize, &str)> = candidates
+        .map(|c| if last(c) == last(name) { (1, c) } else { (edit_distance(name, c), c) })
+        .filter(|(d, c)| *d <= 2.max(c.len() / 3))
+        .collect();
+    scored.sort();
+    scored.into_iter().take(3).map(|(_, c)| c.to_owned()).collect()
+}
+
+/// Levenshtein's distance.
+fn edit_distance(a: &str, b: &str) -> usize {
+    let b: Vec<char> = b.chars().collect();
+    let mut row: Vec<usize> = (0..=b.len()).collect();
+    for (i, ca) in a.chars().enumerate() {
+        let mut diagonal = row[0];
+        row[0] = i + 1;
+        for (j, cb) in b.iter().enumerate() {
+            let substituted = diagonal + usize::from(ca != *cb);
+            diagonal = row[j + 1];
+            row[j + 1] = substituted.min(diagonal + 1).min(row[j] + 1);
+        }
+    }
+    row[b.len()]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_parameter_round_trips_and_is_documented() {
+        let mut names = std::collections::HashSet::new();
+        for p in PARAMETERS {
+            assert!(names.insert(p.name), "{} twice", p.name);
+            for text in [p.doc, p.higher, p.lower, p.source] {
+                assert!(!text.is_empty(), "{}", p.name);
+            }
+            let mut settings = Settings::default();
+            let default = settings.get(p.name).unwrap();
+            settings.set(p.name, &default).unwrap();
+            assert_eq!(settings, Settings::default(), "{}", p.name);
+            for sample in p.samples() {
+                settings.set(p.name, &sample).unwrap();
+                assert_eq!(settings.get(p.name).unwrap(), sample, "{}", p.name);
+            }
+            assert!(settings.set(p.name, "no such value").is_err());
+        }
+        Settings::default().check().unwrap();
+    }
+
+    #[test]
+    fn unknown_names_offer_the_nearest() {
+        let error = Settings::default().set("matte_temporal.alhpa", "0.5").unwrap_err();
+        assert!(error.to_string().contains("matte_temporal.alpha"), "{error}");
+        let error = Settings::default().set("taps", "5").unwrap_err();
+        assert!(error.to_string().contains("matte_prefilter.taps"), "{error}");
+        let error = Settings::default().set("matte_temporal.alpha", "7").unwrap_err();
+        assert!(error.to_string().contains("from 0 to 0.999"), "{error}");
+    }
+}

@@ -1,0 +1,26 @@
+//! The last stage: L = direct + matte_weight M' + glossy_weight G'. Emission is in `direct`.
+//!
+//! | | |
+//! |---|---|
+//! | reads | direct light, filtered signals, their weights |
+//! | writes | the picture |
+//! | border | none |
+//! | equation | as above; noisy direct light, where a host gives it, is added with the weight of its lobe, unfiltered |
+//! | source | \[S] |
+//! | parameters | none |
+
+use crate::frame::Rgb;
+
+pub mod reference;
+
+/// One pixel: `terms` are (signal, weight), added in this order.
+#[inline(always)]
+pub fn pixel(direct: Rgb, terms: impl IntoIterator<Item = (Rgb, Rgb)>) -> Rgb {
+    let mut sum = direct;
+    for (signal, weight) in terms {
+        for c in 0..3 {
+            sum[c] += weight[c] * signal[c];
+        }
+    }
+    sum
+}

@@ -1,0 +1,14 @@
+//! Stage 11: temporal anti-aliasing of direct light. Off where the frame has no jitter.
+//!
+//! | | |
+//! |---|---|
+//! | reads | direct light, its history, depth, motion |
+//! | writes | direct light, anti-aliased: shown, and the next frame's history |
+//! | border | 1 pixel; 1 of history around the reprojected place |
+//! | equation | out = w clamp(h) + (1 - w) c; w = history * (1 - motion / falloff) / (1 + clamp_falloff * change) |
+//! | source | \[S] "TAA on direct term", details \[E]: `docs/paper.md`, stage 11 |
+//! | parameters | `direct_taa.*` |
+//!
+//! Motion is that of the nearest depth in 3x3, so that silhouettes carry their own anti-aliasing along.
+
+pub mod reference;

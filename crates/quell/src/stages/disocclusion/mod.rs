@@ -1,0 +1,14 @@
+//! Stage 5: where history is missing or young, the smooth estimate of stage 4 takes the place of the temporal one.
+//!
+//! | | |
+//! |---|---|
+//! | reads | matte temporal, matte prefiltered (each with passes), confidence |
+//! | writes | matte blended; on request the same with a floor, as history |
+//! | border | `radius` + `blur` pixels |
+//! | equation | k = blur(max over (2 radius + 1)^2 of (1 - confidence)); out = lerp(temporal, prefiltered, max(k, floor)) |
+//! | source | \[S] that it exists; the action is ours \[O], `docs/paper.md`, stage 5 |
+//! | parameters | `disocclusion.*` |
+//!
+//! The maximum comes first, so that the band around a fresh region is covered whole before its edge is softened.
+
+pub mod reference;

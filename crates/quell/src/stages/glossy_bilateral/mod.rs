@@ -1,0 +1,75 @@
+//! Stages 9 and 10: the separable bilateral filter of the glossy signal, horizontal, then vertical.
+//!
+//! | | |
+//! |---|---|
+//! | reads | glossy temporal and passes, guides, hit distance |
+//! | writes | glossy horizontal, then glossy filtered |
+//! | border | `max_radius` pixels (scaled by rows / 720) along the axis |
+//! | equation | taps every `step` pixels to both sides up to the radius r; w = Gaussian(sigma r) * w_z w_n w_p w_g |
+//! | source | \[S, E]; the radius \[O]: `docs/paper.md`, stages 9 and 10 |
+//! | parameters | `glossy_bilateral.*`, `edge.*` |
+//!
+//! The radius is the footprint of the lobe on what it reflects: r = f tan(theta) / (1 + l / d), f the focal length in
+//! pixels, l the eye ray's length, d the hit distance, tan(theta) = 2 roughness^2; cut at `max_radius`, and nothing is
+//! filtered below `min_radius`: a mirror is never blurred.
+
+pub mod reference;
+
+use crate::border::Guides;
+use crate::settings::{GlossyBilateral, GlossyRadius, REFERENCE_ROWS};
+
+/// tan(theta) over squared roughness, theta being half the lobe's width \[O].
+pub const LOBE_SPREAD: f32 = 2.0;
+
+/// The kernel's sizes in pixels of this image.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct KernelSize {
+    /// Distance between taps, whole pixels.
+    pub step_px: usize,
+    /// Most taps to each side.
+    pub reach: usize,
+    /// Largest radius.
+    pub max_radius_px: f32,
+    /// Radius where it is constant.
+    pub constant_radius_px: f32,
+}
+
+impl KernelSize {
+    /// For an image of `rows` rows.
+    pub fn new(settings: &GlossyBilateral, rows: usize) -> Self {
+        let scale = rows as f32 / REFERENCE_ROWS;
+        let step_px = ((settings.step * scale).round() as usize).max(1);
+        let max_radius_px = match settings.radius {
+            GlossyRadius::Footprint => settings.max_radius * scale,
+            GlossyRadius::Constant => settings.constant_radius * scale,
+        };
+        Self {
+            step_px,
+            reach: (max_radius_px / step_px as f32) as usize,
+            max_radius_px,
+            constant_radius_px: settings.constant_radius * scale,
+        }
+    }
+}
+
+/// Radius at a surface pixel, in pixels; 0: pass through.
+#[inline(always)]
+pub fn radius_px(settings: &GlossyBilateral, size: &KernelSize, guides: &Guides, x: usize, y: usize) -> f32 {
+    let radius = match settings.radius {
+        GlossyRadius::Constant => size.constant_radius_px,
+        GlossyRadius::Footprint if !guides.has_roughness => size.max_radius_px,
+        GlossyRadius::Footprint => {
+            let roughness = guides.roughness.at(x, y);
+            let spread = LOBE_SPREAD * roughness * roughness * guides.view.focal_px;
+            let hit = if guides.has_glossy_hit { guides.glossy_hit.at(x, y) } else { f32::INFINITY };
+            // Infinite distance: the whole spread; 0: the reflection lies in the surface, nothing to blur.
+            let nearness = if guides.view.perspective {
+                1.0 / (1.0 + guides.depth.at(x, y) / hit)
+            } else {
+                hit // parallel rays: the footprint grows with the distance itself
+            };
+            (spread * nearness).min(size.max_radius_px)
+        }
+    };
+    if radius < settings.min_radius { 0.0 } else { radius }
+}

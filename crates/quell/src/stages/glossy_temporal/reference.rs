@@ -1,0 +1,33 @@
+//! The specification of stage 8.
+
+use crate::border::Guides;
+use crate::frame::Rgb;
+use crate::kernels::reproject::{
+    Lookup, expected_surface, filtered_hit, reflector_lookup, surface_lookup, virtual_coordinate,
+};
+use crate::kernels::temporal::Blend;
+use crate::plane::Plane;
+use crate::settings::Settings;
+use crate::stages::matte_temporal::reference::{Remembered, Temporal, accumulate};
+
+/// Runs stage 8 on the whole image; `current`: the signal, then its passes.
+pub fn run(current: &[Plane<Rgb>], history: Option<Remembered<'_>>, now: &Guides, settings: &Settings) -> Temporal {
+    let glossy = &settings.glossy_temporal;
+    let weights = Blend::glossy(glossy, settings.surface.confidence_frames);
+    accumulate(current, history, now, &weights, |before, x, y| {
+        let Some(expected) = expected_surface(now, before, &settings.surface, x, y) else {
+            return Lookup::default();
+        };
+        let visible = surface_lookup(now, before, &settings.surface, &expected, x, y);
+        if !(glossy.virtual_reprojection && now.has_glossy_hit) || visible.trust <= 0.0 {
+            return visible;
+        }
+        let hit = filtered_hit(now, glossy.hit_filter, x, y);
+        let Some(coordinate) = virtual_coordinate(now, glossy, &expected, hit, x, y) else {
+            return Lookup::default();
+        };
+        let mut reflected = reflector_lookup(now, before, &settings.surface, glossy, &expected, coordinate, x, y);
+        reflected.trust *= visible.trust;
+        reflected
+    })
+}

@@ -1,0 +1,15 @@
+//! Stage 3: the matte signal blended with its history, fetched where the surface was.
+//!
+//! | | |
+//! |---|---|
+//! | reads | matte signal and passes, matte history, history length, guides now and before |
+//! | writes | matte temporal, confidence, history length |
+//! | border | 1 pixel of history around the reprojected place; `clip_radius` pixels of the current signal |
+//! | equation | out = w h + (1 - w) c, w = rho min(alpha, N / (N + 1)); confidence = rho min(1, N / 4) |
+//! | source | \[E, S, I] `docs/paper.md`, stage 3 |
+//! | parameters | `matte_temporal.*`, `surface.*` |
+//!
+//! Background and pixels without history take the current value. Their confidence is 0, that of background 1: nothing
+//! there needs help.
+
+pub mod reference;

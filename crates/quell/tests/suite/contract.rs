@@ -1,0 +1,1 @@
+//! Bad input: every error names the thing, nothing panics.

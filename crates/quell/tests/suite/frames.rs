@@ -1,0 +1,1 @@
+//! Synthetic frames: small scenes with exact guides and a known answer, made without a tracer.

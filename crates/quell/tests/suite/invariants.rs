@@ -1,0 +1,1 @@
+//! What must hold of the pipeline: energy, identity, sums of passes, reprojection.
