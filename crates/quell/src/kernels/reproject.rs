@@ -2,7 +2,7 @@
 
 use super::math::smoothstep;
 use crate::border::Guides;
-use crate::settings::{GlossyTemporal, HitFilter, Rejection, Surface as SurfaceSettings};
+use crate::settings::{GlossyTemporal, HitFilter, Rejection, Settings, Surface as SurfaceSettings};
 use glam::{Vec2, Vec3};
 
 /// The surface that history must show: where it was, as far as motion tells.
@@ -99,13 +99,13 @@ pub fn surface_lookup(
 pub fn reflector_lookup(
     now: &Guides,
     before: &Guides,
-    surface: &SurfaceSettings,
-    glossy: &GlossyTemporal,
+    settings: &Settings,
     expected: &Expected,
     coordinate: Vec2,
     x: usize,
     y: usize,
 ) -> Lookup {
+    let (surface, glossy) = (&settings.surface, &settings.glossy_temporal);
     if !on_screen(now, surface, coordinate) {
         return Lookup::default();
     }

@@ -26,7 +26,7 @@ pub fn run(current: &[Plane<Rgb>], history: Option<Remembered<'_>>, now: &Guides
         let Some(coordinate) = virtual_coordinate(now, glossy, &expected, hit, x, y) else {
             return Lookup::default();
         };
-        let mut reflected = reflector_lookup(now, before, &settings.surface, glossy, &expected, coordinate, x, y);
+        let mut reflected = reflector_lookup(now, before, settings, &expected, coordinate, x, y);
         reflected.trust *= visible.trust;
         reflected
     })
