@@ -1,5 +1,7 @@
 //! Placeholder.
 pub mod bsdf;
+pub mod environment;
+pub mod lights;
 pub mod material;
 pub mod sampler;
 pub mod warp;

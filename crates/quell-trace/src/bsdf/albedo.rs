@@ -47,7 +47,7 @@ fn matte_term(bsdf: &Bsdf, s: f32, t: f32) -> Vec3 {
     let cos = s.sqrt();
     let sin = (1.0 - s).sqrt();
     let phi = TAU * t;
-    let wi = bsdf.to_world(Vec3::new(sin * phi.cos(), sin * phi.sin(), cos));
+    let wi = bsdf.world_from_local(Vec3::new(sin * phi.cos(), sin * phi.sin(), cos));
     bsdf.matte(wi) * PI
 }
 
@@ -64,7 +64,7 @@ fn glossy_term(bsdf: &Bsdf, lobe: Lobe, s: f32, t: f32) -> Vec3 {
     if cos_half <= 0.0 || wi_local.z <= 0.0 {
         return Vec3::ZERO;
     }
-    let wi = bsdf.to_world(wi_local);
+    let wi = bsdf.world_from_local(wi_local);
     let value = match lobe {
         Lobe::Glossy => bsdf.glossy(wi),
         _ => Vec3::splat(bsdf.glossy_without_fresnel(wi)),

@@ -77,12 +77,6 @@ impl Ggx {
         2.0 * cos_o * cos_i / (cos_o * self.smith(cos_i) + cos_i * self.smith(cos_o))
     }
 
-    /// Smith's G1; the argument is an absolute cosine.
-    #[inline]
-    pub(crate) fn masking_1(&self, cos: f32) -> f32 {
-        2.0 * cos / (cos + self.smith(cos))
-    }
-
     /// Density per steradian with which [`Self::sample_visible_normal`] draws `h`.
     #[inline]
     pub(crate) fn visible_normal_pdf(&self, wo: Vec3, h: Vec3) -> f32 {

@@ -215,7 +215,7 @@ impl Bsdf {
 
     /// The mirror direction of the viewer; may lie below the geometric surface where the shading normal leans.
     pub fn mirror_direction(&self) -> Vec3 {
-        self.to_world(ggx::reflect(self.wo_local, Vec3::Z))
+        self.world_from_local(ggx::reflect(self.wo_local, Vec3::Z))
     }
 
     /// Whether light can pass through.
@@ -245,19 +245,19 @@ impl Bsdf {
         if !self.is_above(wi) {
             return Vec3::ZERO;
         }
-        let passed = Vec3::ONE - self.fresnel.at(self.half_cos(self.to_local(wi)));
+        let passed = Vec3::ONE - self.fresnel.at(self.half_cos(self.local_from_world(wi)));
         passed * passed * lambert::brdf(self.matte_albedo)
     }
 
     /// F g: the glossy lobe; 0 for a mirror, which only [`Self::sample_glossy`] finds.
     pub fn glossy(&self, wi: Vec3) -> Vec3 {
         let lobe = self.glossy_without_fresnel(wi);
-        if lobe > 0.0 { lobe * self.fresnel.at(self.half_cos(self.to_local(wi))) } else { Vec3::ZERO }
+        if lobe > 0.0 { lobe * self.fresnel.at(self.half_cos(self.local_from_world(wi))) } else { Vec3::ZERO }
     }
 
     /// g: the glossy lobe without Fresnel; 0 for a mirror.
     pub fn glossy_without_fresnel(&self, wi: Vec3) -> f32 {
-        if self.smooth || !self.is_above(wi) { 0.0 } else { self.ggx.lobe(self.wo_local, self.to_local(wi)) }
+        if self.smooth || !self.is_above(wi) { 0.0 } else { self.ggx.lobe(self.wo_local, self.local_from_world(wi)) }
     }
 
     /// F where `cos` is the cosine between half vector and viewer.
@@ -273,12 +273,12 @@ impl Bsdf {
     /// A direction with density cos / pi about the shading normal. It may lie below the geometric surface: the lobes
     /// are 0 there.
     pub fn sample_matte(&self, u: Vec2) -> Vec3 {
-        self.to_world(lambert::sample(u))
+        self.world_from_local(lambert::sample(u))
     }
 
     /// Density of [`Self::sample_matte`] per steradian.
     pub fn matte_pdf(&self, wi: Vec3) -> f32 {
-        lambert::pdf(self.to_local(wi))
+        lambert::pdf(self.local_from_world(wi))
     }
 
     /// A direction of the glossy lobe by visible normals; `None` where the microsurface sends it below the surface:
@@ -290,7 +290,7 @@ impl Bsdf {
         }
         let h = self.ggx.sample_visible_normal(self.wo_local, u);
         let wi_local = ggx::reflect(self.wo_local, h);
-        let wi = self.to_world(wi_local);
+        let wi = self.world_from_local(wi_local);
         if wi_local.z <= 0.0 || !self.is_above(wi) {
             return None;
         }
@@ -301,7 +301,7 @@ impl Bsdf {
 
     /// Density of [`Self::sample_glossy`] per steradian; 0 for a mirror.
     pub fn glossy_pdf(&self, wi: Vec3) -> f32 {
-        if self.smooth { 0.0 } else { self.ggx.reflection_pdf(self.wo_local, self.to_local(wi)) }
+        if self.smooth { 0.0 } else { self.ggx.reflection_pdf(self.wo_local, self.local_from_world(wi)) }
     }
 
     /// (1 - F_s)^2 pi m, with F_s capped at [`MATTE_FRESNEL_CAP`]: what multiplies M.
@@ -321,7 +321,7 @@ impl Bsdf {
         if !self.is_above(wi) {
             return Vec3::ZERO;
         }
-        let ratio = (Vec3::ONE - self.fresnel.at(self.half_cos(self.to_local(wi)))) / self.capped_passed();
+        let ratio = (Vec3::ONE - self.fresnel.at(self.half_cos(self.local_from_world(wi)))) / self.capped_passed();
         ratio * ratio
     }
 
@@ -332,7 +332,8 @@ impl Bsdf {
             return Vec3::ZERO;
         }
         // A mirror's half vector is the normal; computing it from wi would only add rounding.
-        let fresnel = if self.smooth { self.fresnel_mirror } else { self.fresnel.at(self.half_cos(self.to_local(wi))) };
+        let fresnel =
+            if self.smooth { self.fresnel_mirror } else { self.fresnel.at(self.half_cos(self.local_from_world(wi))) };
         fresnel / self.glossy_weight()
     }
 
@@ -355,7 +356,7 @@ impl Bsdf {
         }
         let h = self.ggx.sample_visible_normal(self.wo_local, u);
         let wi_local = self.transmitted_at(h)?;
-        let wi = self.to_world(wi_local);
+        let wi = self.world_from_local(wi_local);
         let (value, pdf) = self.rough_transmission(wi)?;
         (pdf > 0.0).then(|| TransmissionSample { wi, weight: value * (wi_local.z.abs() / pdf), pdf, delta: false })
     }
@@ -367,7 +368,7 @@ impl Bsdf {
             (-self.wo, 1.0)
         } else {
             let wi_local = glass::refract(self.wo_local, Vec3::Z, self.eta)?;
-            (self.to_world(wi_local), 1.0 / (self.eta * self.eta))
+            (self.world_from_local(wi_local), 1.0 / (self.eta * self.eta))
         };
         self.is_below(wi).then(|| (wi, self.transmission_tint * (Vec3::ONE - self.fresnel_mirror) * scale))
     }
@@ -395,7 +396,7 @@ impl Bsdf {
         if !self.is_below(wi) {
             return None;
         }
-        let wi_local = self.to_local(wi);
+        let wi_local = self.local_from_world(wi);
         if self.thin_walled {
             let mirrored = wi_local.with_z(-wi_local.z);
             let value = self.ggx.lobe(self.wo_local, mirrored);
@@ -423,7 +424,7 @@ impl Bsdf {
     pub fn pdf(&self, wi: Vec3) -> f32 {
         let interface = 1.0 - self.matte_probability;
         if self.normal.dot(wi) > 0.0 {
-            let wi_local = self.to_local(wi);
+            let wi_local = self.local_from_world(wi);
             let mut pdf = self.matte_probability * lambert::pdf(wi_local);
             if !self.smooth {
                 let reflection = self.reflection_probability(self.half_cos(wi_local));
@@ -481,7 +482,7 @@ impl Bsdf {
                 });
             }
             let wi = ggx::reflect(self.wo_local, h);
-            return if wi.z > 0.0 { self.finish(self.to_world(wi), lobe_roughness) } else { None };
+            return if wi.z > 0.0 { self.finish(self.world_from_local(wi), lobe_roughness) } else { None };
         }
         if self.is_transmission_delta() {
             let (wi, weight) = self.delta_transmission()?;
@@ -495,7 +496,7 @@ impl Bsdf {
                 lobe_roughness,
             });
         }
-        self.finish(self.to_world(self.transmitted_at(h)?), lobe_roughness)
+        self.finish(self.world_from_local(self.transmitted_at(h)?), lobe_roughness)
     }
 
     /// The sample of all non-delta lobes at `wi`.
@@ -539,11 +540,11 @@ impl Bsdf {
         0.5 * (self.wo_local + wi_local).length()
     }
 
-    fn to_local(&self, w: Vec3) -> Vec3 {
+    fn local_from_world(&self, w: Vec3) -> Vec3 {
         Vec3::new(w.dot(self.tangent), w.dot(self.bitangent), w.dot(self.normal))
     }
 
-    fn to_world(&self, w: Vec3) -> Vec3 {
+    fn world_from_local(&self, w: Vec3) -> Vec3 {
         w.x * self.tangent + w.y * self.bitangent + w.z * self.normal
     }
 }

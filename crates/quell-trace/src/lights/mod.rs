@@ -1,0 +1,366 @@
+//! Light sources and the choice among them: one structure that draws a direction towards light from any point.
+//!
+//! Finite sources lie in a tree of bounds, which is descended by estimated irradiance; infinite ones are a
+//! list. Which of the two is asked is decided by the irradiance that each is expected to give at the point.
+
+mod tree;
+mod triangle;
+
+use crate::environment::Environment;
+use crate::material::channel_mean;
+use glam::{Vec2, Vec3};
+use std::sync::Arc;
+use tree::{LightBounds, LightTree};
+use triangle::TriangleView;
+
+/// A light source. Radiometric quantities are linear Rec. 709.
+#[derive(Clone, Debug)]
+pub enum Emitter {
+    /// An emitting triangle. The front side is the one from which the vertices run counter-clockwise.
+    Triangle {
+        /// World space.
+        vertices: [Vec3; 3],
+        /// Emitted radiance.
+        radiance: Vec3,
+        /// Whether the back side emits as well.
+        two_sided: bool,
+    },
+    /// A point that shines evenly.
+    Point {
+        /// World space.
+        position: Vec3,
+        /// Power per steradian.
+        intensity: Vec3,
+    },
+    /// A point that shines into a cone.
+    Spot {
+        /// World space.
+        position: Vec3,
+        /// Axis of the cone, from the light outwards, unit.
+        direction: Vec3,
+        /// Power per steradian on the axis.
+        intensity: Vec3,
+        /// Half angle in radians up to which intensity is full.
+        inner_angle: f32,
+        /// Half angle in radians from which it is 0; at most pi / 2. Between them it falls as glTF defines.
+        outer_angle: f32,
+    },
+    /// Parallel light from infinitely far away.
+    Directional {
+        /// Direction in which the light travels, unit.
+        direction: Vec3,
+        /// Power per area facing the light.
+        irradiance: Vec3,
+    },
+    /// Light from all around.
+    Environment(Arc<Environment>),
+}
+
+/// A direction towards a light source.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LightSample {
+    /// Direction towards the light, unit.
+    pub wi: Vec3,
+    /// Distance to it; +inf for infinite sources.
+    pub distance: f32,
+    /// Arriving radiance; of a delta light its irradiance perpendicular to `wi`. The estimate is
+    /// f |cos| radiance / pdf for both.
+    pub radiance: Vec3,
+    /// Density per steradian including the choice of the source; of a delta light the probability of its choice.
+    pub pdf: f32,
+    /// A point, spot or directional light: no other sampling can find it.
+    pub delta: bool,
+    /// Which emitter, by its place in the list given to [`LightSampler::new`].
+    pub emitter_index: usize,
+    /// Where on a triangle, as weights of its vertices; 0 for other sources.
+    pub barycentrics: Vec3,
+}
+
+/// Bounds of the probability of asking the infinite sources where both kinds exist and may shine: the estimates know
+/// nothing of shadows.
+const INFINITE_PROBABILITY: std::ops::RangeInclusive<f32> = 0.1..=0.9;
+
+/// Draws directions towards light.
+#[derive(Clone, Debug)]
+pub struct LightSampler {
+    emitters: Vec<Emitter>,
+    /// Finite emitters of positive power.
+    tree: LightTree,
+    /// Infinite emitters of positive power and the irradiance expected of each.
+    infinite: Vec<(usize, f32)>,
+}
+
+impl LightSampler {
+    /// Builds the structure. Emitters without power or with values that are not finite are never chosen, but keep
+    /// their place in the list.
+    pub fn new(emitters: Vec<Emitter>) -> Self {
+        let mut finite = Vec::new();
+        let mut infinite = Vec::new();
+        for (index, emitter) in emitters.iter().enumerate() {
+            match emitter {
+                Emitter::Directional { direction, irradiance } => {
+                    let power = channel_mean(*irradiance);
+                    if power > 0.0 && power.is_finite() && direction.is_normalized() {
+                        infinite.push((index, power));
+                    }
+                }
+                Emitter::Environment(environment) => {
+                    let power = std::f32::consts::PI * channel_mean(environment.mean_radiance());
+                    if power > 0.0 && power.is_finite() {
+                        infinite.push((index, power));
+                    }
+                }
+                _ => finite.extend(bounds_of(emitter).map(|bounds| (index, bounds))),
+            }
+        }
+        let tree = LightTree::new(finite, emitters.len());
+        Self { emitters, tree, infinite }
+    }
+
+    /// The emitters, as given.
+    pub fn emitters(&self) -> &[Emitter] {
+        &self.emitters
+    }
+
+    /// Whether no emitter shines.
+    pub fn is_empty(&self) -> bool {
+        self.tree.is_empty() && self.infinite.is_empty()
+    }
+
+    /// Radiance of all environments from direction `w`: what a ray sees that leaves the scene.
+    pub fn escaped_radiance(&self, w: Vec3) -> Vec3 {
+        self.environments().map(|(_, environment)| environment.radiance(w)).sum()
+    }
+
+    /// The environments with their emitter indices.
+    pub fn environments(&self) -> impl Iterator<Item = (usize, &Environment)> {
+        self.emitters.iter().enumerate().filter_map(|(index, emitter)| match emitter {
+            Emitter::Environment(environment) => Some((index, &**environment)),
+            _ => None,
+        })
+    }
+
+    /// A direction towards a light source from `reference_point`.
+    ///
+    /// `normal` (unit) is the shading normal of an opaque surface: light from below it is not drawn. Where light may
+    /// come from both sides (glass) it is 0. `u.x` chooses the source, the rest places on it. `None`: no light can
+    /// reach the point, or the chosen one does not; the sample then counts as black.
+    pub fn sample(&self, reference_point: Vec3, normal: Vec3, u: Vec3) -> Option<LightSample> {
+        let infinite_probability = self.infinite_probability(reference_point, normal);
+        let place = Vec2::new(u.y, u.z);
+        if u.x < infinite_probability {
+            let choice = u.x / infinite_probability;
+            let (emitter_index, share) = self.choose_infinite(normal, choice)?;
+            return self.sample_infinite(emitter_index, normal, place, infinite_probability * share);
+        }
+        let choice = (u.x - infinite_probability) / (1.0 - infinite_probability);
+        let (emitter_index, share) = self.tree.sample(reference_point, normal, choice)?;
+        let selection = (1.0 - infinite_probability) * share;
+        self.sample_finite(emitter_index, reference_point, place, selection)
+    }
+
+    /// Density per steradian, selection included, with which [`Self::sample`] draws `wi` on emitter `emitter_index`
+    /// from the same point and normal; 0 for delta lights and for emitters that cannot be chosen.
+    ///
+    /// `wi` must meet the emitter. To weigh a ray that met it at some hit point, give the ray's origin and direction.
+    pub fn pdf(&self, reference_point: Vec3, normal: Vec3, emitter_index: usize, wi: Vec3) -> f32 {
+        let Some(emitter) = self.emitters.get(emitter_index) else { return 0.0 };
+        let infinite_probability = || self.infinite_probability(reference_point, normal);
+        match emitter {
+            Emitter::Triangle { vertices, two_sided, .. } => {
+                let share = self.tree.probability(reference_point, normal, emitter_index);
+                if share <= 0.0 {
+                    return 0.0;
+                }
+                let Some(view) = TriangleView::new(vertices, *two_sided, reference_point) else { return 0.0 };
+                (1.0 - infinite_probability()) * share * view.pdf(wi)
+            }
+            Emitter::Environment(environment) => {
+                let share = self.infinite_share(normal, emitter_index);
+                if share <= 0.0 {
+                    return 0.0;
+                }
+                infinite_probability() * share * environment.pdf(normal, wi)
+            }
+            Emitter::Point { .. } | Emitter::Spot { .. } | Emitter::Directional { .. } => 0.0,
+        }
+    }
+
+    /// Probability of asking the infinite sources.
+    fn infinite_probability(&self, reference_point: Vec3, normal: Vec3) -> f32 {
+        if self.infinite.is_empty() {
+            return 0.0;
+        }
+        let infinite: f32 = self.infinite.iter().map(|&(i, power)| self.infinite_irradiance(i, power, normal)).sum();
+        let finite = self.tree.irradiance(reference_point, normal);
+        if infinite <= 0.0 {
+            0.0
+        } else if finite <= 0.0 {
+            1.0
+        } else {
+            (infinite / (infinite + finite)).clamp(*INFINITE_PROBABILITY.start(), *INFINITE_PROBABILITY.end())
+        }
+    }
+
+    /// Irradiance expected of an infinite emitter; exactly 0 for parallel light from below the surface.
+    fn infinite_irradiance(&self, emitter_index: usize, power: f32, normal: Vec3) -> f32 {
+        match &self.emitters[emitter_index] {
+            Emitter::Directional { direction, .. } if normal != Vec3::ZERO => {
+                power * (-normal.dot(*direction)).max(0.0)
+            }
+            _ => power,
+        }
+    }
+
+    /// An infinite emitter and its probability among them.
+    fn choose_infinite(&self, normal: Vec3, u: f32) -> Option<(usize, f32)> {
+        let total: f32 = self.infinite.iter().map(|&(i, power)| self.infinite_irradiance(i, power, normal)).sum();
+        let mut rest = u * total;
+        let mut chosen = None;
+        for &(index, power) in &self.infinite {
+            let irradiance = self.infinite_irradiance(index, power, normal);
+            if irradiance > 0.0 {
+                chosen = Some((index, irradiance / total));
+                if rest < irradiance {
+                    break;
+                }
+                rest -= irradiance;
+            }
+        }
+        chosen
+    }
+
+    /// Probability of an infinite emitter among them.
+    fn infinite_share(&self, normal: Vec3, emitter_index: usize) -> f32 {
+        let (mut total, mut own) = (0.0, 0.0);
+        for &(index, power) in &self.infinite {
+            let irradiance = self.infinite_irradiance(index, power, normal);
+            total += irradiance;
+            if index == emitter_index {
+                own = irradiance;
+            }
+        }
+        if total > 0.0 { own / total } else { 0.0 }
+    }
+
+    fn sample_infinite(&self, emitter_index: usize, normal: Vec3, u: Vec2, selection: f32) -> Option<LightSample> {
+        match &self.emitters[emitter_index] {
+            Emitter::Directional { direction, irradiance } => Some(LightSample {
+                wi: -*direction,
+                distance: f32::INFINITY,
+                radiance: *irradiance,
+                pdf: selection,
+                delta: true,
+                emitter_index,
+                barycentrics: Vec3::ZERO,
+            }),
+            Emitter::Environment(environment) => {
+                let sample = environment.sample(normal, u)?;
+                Some(LightSample {
+                    wi: sample.wi,
+                    distance: f32::INFINITY,
+                    radiance: sample.radiance,
+                    pdf: selection * sample.pdf,
+                    delta: false,
+                    emitter_index,
+                    barycentrics: Vec3::ZERO,
+                })
+            }
+            _ => None,
+        }
+    }
+
+    fn sample_finite(&self, emitter_index: usize, from: Vec3, u: Vec2, selection: f32) -> Option<LightSample> {
+        let point_light = |position: Vec3, intensity: Vec3| {
+            let to_light = position - from;
+            let distance = to_light.length();
+            let radiance = intensity / (distance * distance);
+            (distance > 0.0 && radiance.is_finite() && radiance != Vec3::ZERO).then(|| LightSample {
+                wi: to_light / distance,
+                distance,
+                radiance,
+                pdf: selection,
+                delta: true,
+                emitter_index,
+                barycentrics: Vec3::ZERO,
+            })
+        };
+        match &self.emitters[emitter_index] {
+            Emitter::Triangle { vertices, radiance, two_sided } => {
+                let sample = TriangleView::new(vertices, *two_sided, from)?.sample(u)?;
+                Some(LightSample {
+                    wi: sample.wi,
+                    distance: sample.distance,
+                    radiance: *radiance,
+                    pdf: selection * sample.pdf,
+                    delta: false,
+                    emitter_index,
+                    barycentrics: sample.barycentrics,
+                })
+            }
+            Emitter::Point { position, intensity } => point_light(*position, *intensity),
+            Emitter::Spot { position, direction, intensity, inner_angle, outer_angle } => {
+                let from_light = (from - *position).try_normalize()?;
+                let falloff = spot_falloff(from_light.dot(*direction), *inner_angle, *outer_angle);
+                point_light(*position, *intensity * falloff)
+            }
+            Emitter::Directional { .. } | Emitter::Environment(_) => None,
+        }
+    }
+}
+
+/// Share of a spot's intensity at an angle from its axis, as `KHR_lights_punctual` recommends: the square of a ramp
+/// in the cosine.
+pub fn spot_falloff(cos: f32, inner_angle: f32, outer_angle: f32) -> f32 {
+    let (cos_inner, cos_outer) = (inner_angle.cos(), outer_angle.cos());
+    if cos <= cos_outer {
+        return 0.0;
+    }
+    let ramp = ((cos - cos_outer) / (cos_inner - cos_outer).max(1e-4)).min(1.0);
+    ramp * ramp
+}
+
+/// Bounds of a finite emitter; `None` where it has no power or no place.
+fn bounds_of(emitter: &Emitter) -> Option<LightBounds> {
+    use std::f32::consts::{FRAC_PI_2, PI};
+    let bounds = match emitter {
+        Emitter::Triangle { vertices: [a, b, c], radiance, two_sided } => {
+            let cross = (*b - *a).cross(*c - *a);
+            LightBounds {
+                low: a.min(*b).min(*c),
+                high: a.max(*b).max(*c),
+                axis: cross.try_normalize()?,
+                spread: 0.0,
+                emission: FRAC_PI_2,
+                two_sided: *two_sided,
+                intensity: channel_mean(*radiance) * 0.5 * cross.length(),
+            }
+        }
+        Emitter::Point { position, intensity } => LightBounds {
+            low: *position,
+            high: *position,
+            axis: Vec3::Z,
+            spread: PI,
+            emission: FRAC_PI_2,
+            two_sided: false,
+            intensity: channel_mean(*intensity),
+        },
+        Emitter::Spot { position, direction, intensity, inner_angle, outer_angle } => LightBounds {
+            low: *position,
+            high: *position,
+            axis: direction.try_normalize()?,
+            spread: inner_angle.clamp(0.0, FRAC_PI_2),
+            emission: (outer_angle - inner_angle).clamp(0.0, FRAC_PI_2),
+            two_sided: false,
+            intensity: channel_mean(*intensity),
+        },
+        Emitter::Directional { .. } | Emitter::Environment(_) => return None,
+    };
+    let finite = bounds.intensity > 0.0
+        && bounds.intensity.is_finite()
+        && bounds.low.is_finite()
+        && bounds.high.is_finite()
+        && !bounds.spread.is_nan()
+        && !bounds.emission.is_nan();
+    finite.then_some(bounds)
+}
