@@ -79,7 +79,8 @@ mod tests {
 
     #[test]
     fn cones_and_spheres_follow_their_density() {
-        for cos_min in [-1.0, 0.0, 0.7] {
+        // Edges of the cones lie on edges of the cells.
+        for cos_min in [-1.0, 0.0, 0.75] {
             assert_chi_squared(
                 "uniform cone",
                 &SphereDomain::around(Vec3::Z),
