@@ -1,1 +1,43 @@
-//! Placeholder.
+//! Frames of quell as EXR files: found, read, mapped to roles, written.
+//!
+//! ```text
+//! files.rs     where a sequence's frames lie, and files that are never half written
+//! exr_file.rs  channels and attributes of an EXR file; knows no role
+//! channels.rs  the one table of channel names and what they mean
+//! metadata.rs  header attributes: cameras, frame, sampling, version, settings
+//! frame_file.rs  a frame with all that quell writes beside it; channels to planes and back
+//! error.rs     what can go wrong
+//! ```
+//!
+//! Writing and reading back keeps every plane and every camera to the bit where colours are stored as float:
+//!
+//! ```
+//! use quell::{Camera, FrameBuf, Plane, Size};
+//! use quell_frames::{FrameToWrite, WriteOptions, read_frame, write_frame};
+//!
+//! let size = Size::new(4, 3);
+//! let camera = Camera::perspective([0.0; 3], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0], 0.8, 4.0 / 3.0);
+//! let mut frame = FrameBuf::new(size, camera);
+//! frame.matte = Some(Plane::filled(size, [0.1, 0.2, 0.3]));
+//!
+//! let folder = std::env::temp_dir().join(format!("quell-frames-doc-{}", std::process::id()));
+//! let path = folder.join("noisy.0001.exr");
+//! write_frame(&path, &FrameToWrite::new(frame.frame(&[])), &WriteOptions::default())?;
+//! assert_eq!(read_frame(&path)?.frame, frame);
+//! # std::fs::remove_dir_all(&folder).unwrap();
+//! # Ok::<(), quell_frames::Error>(())
+//! ```
+
+pub mod channels;
+pub mod error;
+mod exr_file;
+pub mod files;
+pub mod frame_file;
+pub mod metadata;
+
+pub use error::Error;
+pub use files::{find_frames, frame_path};
+pub use frame_file::{
+    FrameFile, FrameToWrite, Half, HalfBuf, Precision, WriteOptions, Written, read_frame, write_frame,
+};
+pub use metadata::{Content, Metadata};

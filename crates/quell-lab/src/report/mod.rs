@@ -1,0 +1,15 @@
+//! What a run says about itself: one JSON object, a table in the terminal, a page to look at, a strip for a README.
+//!
+//! ```text
+//! json.rs    `Report`: the one JSON type (interfaces.md, section 5)
+//! table.rs   metrics and stage times as text
+//! player.rs  the self-contained page
+//! strip.rs   the animated picture
+//! ```
+
+pub mod json;
+pub mod player;
+pub mod strip;
+pub mod table;
+
+pub use json::{FrameStatus, Machine, MethodScores, Report, Sanitised, Spread, StageTime, Status};
