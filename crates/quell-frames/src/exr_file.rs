@@ -108,8 +108,7 @@ fn check_header(path: &Path, meta: &exr::meta::MetaData, file_bytes: u64) -> Res
     if header.channels.list.iter().any(|c| c.sampling != x::Vec2(1, 1)) {
         return Err(Error::not_supported(path, "subsampled channels"));
     }
-    let bytes_per_pixel: u128 =
-        header.channels.list.iter().map(|c| c.sample_type.bytes_per_sample() as u128).sum();
+    let bytes_per_pixel: u128 = header.channels.list.iter().map(|c| c.sample_type.bytes_per_sample() as u128).sum();
     let pixel_bytes = width as u128 * height as u128 * bytes_per_pixel;
     if pixel_bytes > u128::from(file_bytes) * PIXEL_BYTES_PER_FILE_BYTE {
         return Err(Error::invalid(

@@ -45,10 +45,7 @@ pub fn find_frames(folder: &Path, stem: &str) -> Result<Vec<(i64, PathBuf)>, Err
 ///
 /// # Errors
 /// What `fill` returns, or [`Error::Io`] naming `path` or its folder.
-pub fn write_whole<T>(
-    path: &Path,
-    fill: impl FnOnce(&mut BufWriter<File>) -> Result<T, Error>,
-) -> Result<T, Error> {
+pub fn write_whole<T>(path: &Path, fill: impl FnOnce(&mut BufWriter<File>) -> Result<T, Error>) -> Result<T, Error> {
     static COUNTER: AtomicU64 = AtomicU64::new(0);
     let folder = match path.parent() {
         Some(folder) if !folder.as_os_str().is_empty() => folder,

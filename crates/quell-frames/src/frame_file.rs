@@ -245,8 +245,7 @@ impl<'p> LayerWriter<'p> {
 
     fn checked<T: Copy>(&self, name: &str, plane: PlaneRef<'_, T>) -> Result<Vec<T>, Error> {
         if plane.size() != self.size {
-            let source =
-                quell::Error::PlaneSize { plane: name.to_owned(), expected: self.size, found: plane.size() };
+            let source = quell::Error::PlaneSize { plane: name.to_owned(), expected: self.size, found: plane.size() };
             return Err(Error::Frame { path: self.path.to_owned(), source });
         }
         Ok((0..self.size.height).flat_map(|y| plane.row(y).iter().copied()).collect())
@@ -284,11 +283,9 @@ impl<'p> LayerWriter<'p> {
         convention: fn([f32; 2]) -> [f32; 2],
     ) -> Result<(), Error> {
         if let Some(plane) = plane {
-            let turned = Plane::from_vec(
-                self.size,
-                self.checked(c::VECTOR, plane)?.into_iter().map(convention).collect(),
-            )
-            .map_err(|source| Error::Frame { path: self.path.to_owned(), source })?;
+            let turned =
+                Plane::from_vec(self.size, self.checked(c::VECTOR, plane)?.into_iter().map(convention).collect())
+                    .map_err(|source| Error::Frame { path: self.path.to_owned(), source })?;
             self.components(c::VECTOR, &[first, second], Some(turned.view()))?;
         }
         Ok(())
@@ -346,11 +343,7 @@ fn composite(frame: &Frame<'_>) -> Plane<Rgb> {
     })
 }
 
-fn header(
-    path: &Path,
-    file: &FrameToWrite<'_>,
-    implied: &[&str],
-) -> Result<BTreeMap<String, AttributeValue>, Error> {
+fn header(path: &Path, file: &FrameToWrite<'_>, implied: &[&str]) -> Result<BTreeMap<String, AttributeValue>, Error> {
     use AttributeValue as V;
     let mut header = BTreeMap::new();
     let mut put = |name: &str, value| header.insert(name.to_owned(), value);
@@ -361,9 +354,7 @@ fn header(
     // An integer where it fits, so that other programs can use it; any i64 must survive.
     put(attribute::FRAME, i32::try_from(frame.index).map_or(words(&frame.index.to_string())?, V::I32));
     put(attribute::EXPOSURE, V::F32(frame.exposure));
-    for (names, camera) in
-        [(attribute::CAMERA, &frame.camera), (attribute::PREVIOUS_CAMERA, &frame.previous_camera)]
-    {
+    for (names, camera) in [(attribute::CAMERA, &frame.camera), (attribute::PREVIOUS_CAMERA, &frame.previous_camera)] {
         let [x, y, z] = camera.position;
         put(names[0], V::Matrix4x4(camera.clip_from_world));
         put(names[1], V::FloatVec3((x, y, z)));
@@ -568,11 +559,7 @@ impl LayerReader<'_> {
         self.components(layer, c::RGB)
     }
 
-    fn components<const N: usize>(
-        &mut self,
-        layer: &str,
-        names: [&str; N],
-    ) -> Result<Option<Plane<[f32; N]>>, Error> {
+    fn components<const N: usize>(&mut self, layer: &str, names: [&str; N]) -> Result<Option<Plane<[f32; N]>>, Error> {
         let mut merged: Option<Vec<[f32; N]>> = None;
         for (i, name) in names.iter().enumerate() {
             let channel = c::channel(layer, name);

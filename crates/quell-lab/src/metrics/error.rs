@@ -55,7 +55,8 @@ pub fn rel_mse(picture: &Plane<Rgb>, reference: &Plane<Rgb>) -> Result<RelMse, E
     let trimmed = errors[..kept].iter().sum::<f64>() / kept as f64;
     let mean = errors.iter().sum::<f64>() / pixels as f64;
 
-    let differences = picture.data().iter().zip(&reference_luminance).map(|(&d, r)| (f64::from(luminance(d)) - r).abs());
+    let differences =
+        picture.data().iter().zip(&reference_luminance).map(|(&d, r)| (f64::from(luminance(d)) - r).abs());
     let differences: Vec<f64> = differences.collect();
     reference_luminance.sort_by(f64::total_cmp);
     let percentile = reference_luminance[((pixels - 1) as f64 * FIREFLY_PERCENTILE) as usize];

@@ -101,8 +101,7 @@ impl Exposures {
     /// (`median`): log2(x / luminance), ACES(x) = 0.85 (2021, section 3).
     pub fn from_luminances(brightest: f64, median: f64) -> Self {
         let [k0, k1, k2, k3, k4, k5] = ACES;
-        let (a, b, c) =
-            (k0 - TARGET_LUMINANCE * k3, k1 - TARGET_LUMINANCE * k4, k2 - TARGET_LUMINANCE * k5);
+        let (a, b, c) = (k0 - TARGET_LUMINANCE * k3, k1 - TARGET_LUMINANCE * k4, k2 - TARGET_LUMINANCE * k5);
         let x = (-b + (b * b - 4.0 * a * c).sqrt()) / (2.0 * a);
         Self::new((x / brightest).log2(), (x / median).log2())
     }
@@ -397,9 +396,8 @@ fn linear_from_ycxcz(c: [f32; 3]) -> Rgb {
 /// CIE L*a*b* of a linear Rec. 709 colour.
 fn lab(linear: Rgb) -> [f32; 3] {
     const DELTA: f32 = 6.0 / 29.0;
-    let [x, y, z] = relative_xyz(linear).map(|t| {
-        if t > DELTA * DELTA * DELTA { t.cbrt() } else { t / (3.0 * DELTA * DELTA) + 4.0 / 29.0 }
-    });
+    let [x, y, z] = relative_xyz(linear)
+        .map(|t| if t > DELTA * DELTA * DELTA { t.cbrt() } else { t / (3.0 * DELTA * DELTA) + 4.0 / 29.0 });
     [116.0 * y - 16.0, 500.0 * (x - y), 200.0 * (y - z)]
 }
 

@@ -127,8 +127,7 @@ impl Spread {
         sorted.sort_by(f64::total_cmp);
         let (min, max) = (*sorted.first()?, *sorted.last()?);
         let middle = sorted.len() / 2;
-        let median =
-            if sorted.len() % 2 == 1 { sorted[middle] } else { (sorted[middle - 1] + sorted[middle]) * 0.5 };
+        let median = if sorted.len() % 2 == 1 { sorted[middle] } else { (sorted[middle - 1] + sorted[middle]) * 0.5 };
         Some(Self { median, min, max })
     }
 }
@@ -196,8 +195,14 @@ mod tests {
             bytes_per_pixel: Some(40.0),
             floor_ms: None,
         });
-        let scores =
-            FrameScores { rel_mse: 0.5, rel_mse_trimmed: 0.25, fireflies: 0.0, psnr: f64::INFINITY, energy: 1.0, hdr_flip: 0.1 };
+        let scores = FrameScores {
+            rel_mse: 0.5,
+            rel_mse_trimmed: 0.25,
+            fireflies: 0.0,
+            psnr: f64::INFINITY,
+            energy: 1.0,
+            hdr_flip: 0.1,
+        };
         report.metrics.push(MethodScores {
             method: "noisy".to_owned(),
             mean: Some(scores),
@@ -206,9 +211,18 @@ mod tests {
         report.sanitised.push(Sanitised { plane: "normal".to_owned(), kind: "NaN".to_owned(), count: 2 });
         let json = report.to_json().unwrap();
         let value: serde_json::Value = serde_json::from_str(&json).unwrap();
-        for name in
-            ["format", "quell", "command", "settings", "machine", "frames", "stages", "metrics", "sanitised", "warnings"]
-        {
+        for name in [
+            "format",
+            "quell",
+            "command",
+            "settings",
+            "machine",
+            "frames",
+            "stages",
+            "metrics",
+            "sanitised",
+            "warnings",
+        ] {
             assert!(value.get(name).is_some(), "{name}");
         }
         assert_eq!(value["stages"][0]["milliseconds"]["median"], 2.5);
