@@ -130,3 +130,131 @@ pub(crate) fn mix(x: u64) -> u64 {
 fn unit_float(x: u32) -> f32 {
     ((x >> 8) as f32 * (1.0 / (1u32 << 24) as f32)).min(ONE_MINUS_EPSILON)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing::{SIGNIFICANCE, chi_squared_p};
+
+    #[test]
+    fn second_dimension_matches_direction_numbers() {
+        // Sobol's recurrence for the polynomial x + 1: v_(k+1) = v_k ^ (v_k >> 1).
+        let mut directions = [1u32 << 31; 32];
+        for k in 1..32 {
+            directions[k] = directions[k - 1] ^ (directions[k - 1] >> 1);
+        }
+        for index in (0..4096u32).chain([u32::MAX, 0x8000_0001, 0xdead_beef]) {
+            let expected = (0..32).filter(|k| (index >> k) & 1 == 1).fold(0, |x, k| x ^ directions[k]);
+            assert_eq!(sobol_1(index), expected, "{index}");
+        }
+    }
+
+    #[test]
+    fn successive_samples_fill_every_elementary_interval() {
+        for (pixel, frame, skip) in [((0, 0), 0, 0), ((7, 3), 5, 1), ((1919, 1080), -4, 6)] {
+            for m in 0..=8u32 {
+                let n = 1usize << m;
+                for columns_log2 in 0..=m {
+                    let (columns, rows) = (1usize << columns_log2, n >> columns_log2);
+                    let mut hit = vec![false; n];
+                    for i in 0..n {
+                        let mut sampler = Sampler::new(pixel, frame, i as u32, 9);
+                        for _ in 0..skip {
+                            sampler.next_1d();
+                        }
+                        let p = sampler.next_2d();
+                        let cell = (p.x * columns as f32) as usize * rows + (p.y * rows as f32) as usize;
+                        assert!(!hit[cell], "two of {n} points in one of {columns} x {rows} cells");
+                        hit[cell] = true;
+                    }
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn one_dimension_is_stratified_too() {
+        for frame in 0..20 {
+            let mut hit = [false; 64];
+            for i in 0..64 {
+                let x = Sampler::new((3, 4), frame, i, 0).fork(2).next_1d();
+                hit[(x * 64.0) as usize] = true;
+            }
+            assert!(hit.iter().all(|&h| h));
+        }
+    }
+
+    #[test]
+    fn integrates_with_far_less_variance_than_white_noise() {
+        // A smooth and a discontinuous integrand; 64 samples, over 256 pixels.
+        let smooth = |p: Vec2| (p.x * 2.0).sin() * p.y;
+        let edge = |p: Vec2| if p.x + 0.7 * p.y < 0.8 { 1.0 } else { 0.0 };
+        let mut noise = crate::testing::Noise::new(3);
+        for (f, gain) in [(&smooth as &dyn Fn(Vec2) -> f32, 100.0), (&edge, 4.0)] {
+            let variance = |estimates: &[f64]| {
+                let mean = estimates.iter().sum::<f64>() / estimates.len() as f64;
+                estimates.iter().map(|e| (e - mean) * (e - mean)).sum::<f64>() / (estimates.len() - 1) as f64
+            };
+            let mean_of_64 =
+                |draw: &mut dyn FnMut(u32) -> Vec2| (0..64).map(|i| f64::from(f(draw(i)))).sum::<f64>() / 64.0;
+            let ours: Vec<f64> =
+                (0..256).map(|x| mean_of_64(&mut |i| Sampler::new((x, 17), 1, i, 0).next_2d())).collect();
+            let white: Vec<f64> = (0..256).map(|_| mean_of_64(&mut |_| noise.next_2d())).collect();
+            let ratio = variance(&white) / variance(&ours);
+            assert!(ratio > gain, "variance is only {ratio} times lower");
+        }
+    }
+
+    /// p-value of independence and uniformity of pairs of numbers, on 16 x 16 cells.
+    fn pair_p(pairs: impl Iterator<Item = (f32, f32)>) -> f64 {
+        let mut counts = [0usize; 256];
+        let mut n = 0;
+        for (a, b) in pairs {
+            assert!((0.0..1.0).contains(&a) && (0.0..1.0).contains(&b));
+            counts[(a * 16.0) as usize * 16 + (b * 16.0) as usize] += 1;
+            n += 1;
+        }
+        let expected = n as f64 / 256.0;
+        let statistic = counts.iter().map(|&c| (c as f64 - expected).powi(2) / expected).sum();
+        chi_squared_p(statistic, 255)
+    }
+
+    #[test]
+    fn pixels_frames_dimensions_and_forks_are_independent() {
+        let all = || (0..160u32).flat_map(|y| (0..256u32).map(move |x| (x, y)));
+        let first = |pixel: (u32, u32), frame: i64| Sampler::new(pixel, frame, 0, 1).next_2d();
+        let start = |pixel: (u32, u32)| Sampler::new(pixel, 0, 0, 1);
+        let successive = |mut sampler: Sampler| (sampler.next_1d(), sampler.next_1d());
+        let forks = |s: Sampler| (s.fork(0).next_1d(), s.fork(1).next_1d());
+        let seeds = |p| (start(p).next_1d(), Sampler::new(p, 0, 0, 2).next_1d());
+        let tests: [(&str, f64); 8] = [
+            ("both numbers of a pair", pair_p(all().map(|p| first(p, 0).into()))),
+            ("pixel to the right", pair_p(all().map(|p| (first(p, 0).x, first((p.0 + 1, p.1), 0).x)))),
+            ("pixel below", pair_p(all().map(|p| (first(p, 0).y, first((p.0, p.1 + 1), 0).y)))),
+            ("next frame", pair_p(all().map(|p| (first(p, 0).x, first(p, 1).x)))),
+            ("next frame, diagonal", pair_p(all().map(|p| (first(p, 0).x, first((p.0 + 1, p.1), 1).y)))),
+            ("next dimension", pair_p(all().map(|p| successive(start(p))))),
+            ("forks", pair_p(all().map(|p| forks(start(p))))),
+            ("seeds", pair_p(all().map(seeds))),
+        ];
+        for (name, p) in tests {
+            assert!(p > SIGNIFICANCE, "{name}: p = {p:.2e}");
+        }
+        // Canary: equal streams must be found dependent.
+        assert!(pair_p(all().map(|p| (first(p, 0).x, first(p, 0).x))) < SIGNIFICANCE);
+    }
+
+    #[test]
+    fn equal_arguments_give_equal_bits() {
+        let draw = |seed| {
+            let mut sampler = Sampler::new((u32::MAX, 0), i64::MIN, u32::MAX, seed).fork(7);
+            (sampler.next_1d().to_bits(), sampler.next_2d().to_array().map(f32::to_bits))
+        };
+        assert_eq!(draw(1), draw(1));
+        assert_ne!(draw(1), draw(2));
+        let mut sampler = Sampler::new((0, 0), 0, 3, 0);
+        assert_eq!(sampler.with_index(5), Sampler::new((0, 0), 0, 5, 0));
+        sampler.next_1d();
+        assert_ne!(sampler, Sampler::new((0, 0), 0, 3, 0));
+    }
+}

@@ -48,8 +48,10 @@ pub(crate) struct SphereDomain {
     pole: Vec3,
     tangent: Vec3,
     bitangent: Vec3,
-    /// s = x / (x + width) * (2 + width) / 2 with x = 1 - cos; infinite: plain cos.
+    /// s = (1 - sqrt(width / (x + width))) / s_max with x = 1 - cos; infinite: plain cos.
     width: f64,
+    /// Largest 1 - cos: 2 for the sphere, 1 for the hemisphere (what lies beyond counts in the last cells).
+    x_max: f64,
 }
 
 impl SphereDomain {
@@ -60,18 +62,29 @@ impl SphereDomain {
     /// Half of the cells lie within about 1 - cos < `width` of the pole.
     pub(crate) fn stretched(pole: Vec3, width: f64) -> Self {
         let (tangent, bitangent) = pole.any_orthonormal_pair();
-        Self { pole, tangent, bitangent, width }
+        Self { pole, tangent, bitangent, width, x_max: 2.0 }
+    }
+
+    /// The hemisphere about the pole only, its edge being an edge of cells.
+    pub(crate) fn hemisphere(self) -> Self {
+        Self { x_max: 1.0, ..self }
+    }
+
+    /// What makes s run to 1.
+    fn tail(&self) -> f64 {
+        1.0 - (self.width / (self.x_max + self.width)).sqrt()
     }
 
     /// Direction of (s, t) and the solid angle per unit of the square there.
     fn direction(&self, s: f64, t: f64) -> (Vec3, f64) {
         let (x, dx_ds) = if self.width.is_infinite() {
-            (2.0 * s, 2.0)
+            (self.x_max * s, self.x_max)
         } else {
-            // y = x / (x + w) runs over [0, y_max].
-            let y_max = 2.0 / (2.0 + self.width);
-            let y = s * y_max;
-            (self.width * y / (1.0 - y), y_max * self.width / ((1.0 - y) * (1.0 - y)))
+            // y = x / (x + w) runs over [0, y_max]; 1 - y is a square, which flattens the long tails of GGX.
+            let root = 1.0 - s * self.tail();
+            let y = 1.0 - root * root;
+            let dy_ds = 2.0 * root * self.tail();
+            (self.width * y / (1.0 - y), dy_ds * self.width / ((1.0 - y) * (1.0 - y)))
         };
         let sin = (x * (2.0 - x)).max(0.0).sqrt();
         let phi = TAU * t;
@@ -85,7 +98,11 @@ impl SphereDomain {
         let w = w.as_dvec3().normalize();
         // 1 - cos from the difference vector: w.pole has no digits left near the pole.
         let x = 0.5 * (w - self.pole.as_dvec3()).length_squared();
-        let s = if self.width.is_infinite() { x / 2.0 } else { x / (x + self.width) * (2.0 + self.width) / 2.0 };
+        let s = if self.width.is_infinite() {
+            x / self.x_max
+        } else {
+            (1.0 - (self.width / (x + self.width)).sqrt()) / self.tail()
+        };
         let phi = w.dot(self.bitangent.as_dvec3()).atan2(w.dot(self.tangent.as_dvec3()));
         (s, (phi / TAU).rem_euclid(1.0))
     }
@@ -113,7 +130,7 @@ pub(crate) fn chi_squared(
         }
     }
     // Expected counts by the midpoint rule within each cell.
-    const FINE: usize = 24;
+    const FINE: usize = 48;
     let mut expected = vec![0.0f64; CELLS_S * CELLS_T];
     for i in 0..CELLS_S {
         for j in 0..CELLS_T {

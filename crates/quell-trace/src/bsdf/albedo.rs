@@ -51,12 +51,15 @@ fn matte_term(bsdf: &Bsdf, s: f32, t: f32) -> Vec3 {
     bsdf.matte(wi) * PI
 }
 
-/// Integrand over half vectors, which is smooth however narrow the lobe is: with tan^2 = alpha^2 s / (1 - s) the
-/// nodes follow the lobe's width, and dwi = 4 |wo.h| dwh.
-fn glossy_term(bsdf: &Bsdf, lobe: Lobe, s: f32, t: f32) -> Vec3 {
-    let a2 = bsdf.ggx.alpha() * bsdf.ggx.alpha();
-    let cos2 = (1.0 - s) / (1.0 - s + a2 * s);
-    let (cos, sin) = (cos2.sqrt(), (a2 * s / (1.0 - s + a2 * s)).sqrt());
+/// Integrand over half vectors, which is smooth however narrow the lobe is: with tan = alpha r, r = sqrt(q (2 - q)) /
+/// (1 - q), the nodes follow the lobe's width and reach far into its tail, which grazing views weigh most; dwi = 4
+/// |wo.h| dwh.
+fn glossy_term(bsdf: &Bsdf, lobe: Lobe, q: f32, t: f32) -> Vec3 {
+    let alpha = bsdf.ggx.alpha();
+    let rest2 = (1.0 - q) * (1.0 - q);
+    let tan2 = alpha * alpha * (1.0 - rest2) / rest2;
+    let cos = 1.0 / (1.0 + tan2).sqrt();
+    let sin = tan2.sqrt() * cos;
     let phi = TAU * t;
     let h = Vec3::new(sin * phi.cos(), sin * phi.sin(), cos);
     let cos_half = bsdf.wo_local.dot(h);
@@ -69,8 +72,7 @@ fn glossy_term(bsdf: &Bsdf, lobe: Lobe, s: f32, t: f32) -> Vec3 {
         Lobe::Glossy => bsdf.glossy(wi),
         _ => Vec3::splat(bsdf.glossy_without_fresnel(wi)),
     };
-    // d(cos^2)/ds = -a2 / (1 - s + a2 s)^2, and dwh = d(cos) dphi = d(cos^2) / (2 cos) * 2 pi dt.
-    let spread = 1.0 - s + a2 * s;
-    let solid_angle_of_node = PI * a2 / (spread * spread * cos);
+    // dwh = sin dtheta dphi = cos^3 tan dtan dphi, and tan dtan = alpha^2 dq / (1 - q)^3.
+    let solid_angle_of_node = TAU * cos * cos * cos * alpha * alpha / (rest2 * (1.0 - q));
     value * wi_local.z * 4.0 * cos_half * solid_angle_of_node
 }

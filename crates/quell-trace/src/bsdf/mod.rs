@@ -559,3 +559,6 @@ fn viewer_side_normal(shading: Vec3, geometric: Vec3, wo: Vec3) -> Vec3 {
     let cos = n.dot(wo);
     if cos >= MIN_VIEW_COS { n } else { (n + wo * (MIN_VIEW_COS - cos)).try_normalize().unwrap_or(geometric) }
 }
+
+#[cfg(test)]
+mod tests;
