@@ -1,0 +1,269 @@
+//! Triangles of one frame in world space, and the rays that are shot at them.
+//!
+//! All instances are flattened into one list of world-space triangles with one eight-wide BVH (`obvhs`) a frame.
+
+use glam::{Vec2, Vec3, Vec3A};
+use obvhs::aabb::Aabb;
+use obvhs::cwbvh::CwBvh;
+use obvhs::cwbvh::builder::build_cwbvh;
+use obvhs::ray::{Ray, RayHit};
+use obvhs::{Boundable, BvhBuildParams};
+use std::time::Duration;
+
+/// How far a new ray starts from the surface it leaves, as a share of the largest coordinate of the triangle's
+/// corners: 64 units in the last place of that coordinate. Points made from barycentric coordinates are off by a few.
+const OFFSET_SHARE: f32 = 1.0 / (1 << 18) as f32;
+
+/// Shadow rays end this share short of the light, so that the light does not shadow itself.
+const SHADOW_END: f32 = 1.0 - 1e-4;
+
+/// A triangle in world space.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Triangle {
+    pub(crate) v: [Vec3A; 3],
+}
+
+impl Boundable for Triangle {
+    fn aabb(&self) -> Aabb {
+        Aabb::from_points(&self.v)
+    }
+}
+
+impl Triangle {
+    /// Ray parameter and barycentric coordinates (weights of corners 1 and 2), or nothing.
+    ///
+    /// The signs of three edge functions decide. Each is exactly negated for the neighbour that shares the edge, so
+    /// no ray passes between two triangles of a closed mesh.
+    #[inline(always)]
+    fn intersect(&self, origin: Vec3A, direction: Vec3A, tmax: f32) -> Option<(f32, f32, f32)> {
+        let a = self.v[0] - origin;
+        let b = self.v[1] - origin;
+        let c = self.v[2] - origin;
+        let (e0, e1, e2) = (c - a, a - b, b - c);
+        let u = e0.cross(c + a).dot(direction);
+        let v = e1.cross(a + b).dot(direction);
+        let w = e2.cross(b + c).dot(direction);
+        if !((u >= 0.0 && v >= 0.0 && w >= 0.0) || (u <= 0.0 && v <= 0.0 && w <= 0.0)) {
+            return None;
+        }
+        let normal = e1.cross(e0);
+        let along = normal.dot(direction);
+        let sum = u + v + w;
+        if along == 0.0 || sum == 0.0 {
+            return None;
+        }
+        let t = normal.dot(a) / along;
+        if t > 0.0 && t <= tmax { Some((t, u / sum, v / sum)) } else { None }
+    }
+}
+
+/// Where a ray met a triangle.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Hit {
+    /// Distance, directions being unit.
+    pub(crate) t: f32,
+    /// Index of the triangle in [`Geometry`].
+    pub(crate) triangle: u32,
+    /// Weights of the corners 1 and 2.
+    pub(crate) barycentric: Vec2,
+}
+
+/// Which instance and which of its mesh's triangles a world-space triangle is.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct TriangleSource {
+    pub(crate) instance: u32,
+    pub(crate) triangle: u32,
+}
+
+/// The triangles of one frame and their BVH.
+pub(crate) struct Geometry {
+    triangles: Vec<Triangle>,
+    sources: Vec<TriangleSource>,
+    /// Position in `triangles` of the n-th triangle that was handed in.
+    position_of: Vec<u32>,
+    bvh: Option<CwBvh>,
+}
+
+impl Geometry {
+    /// Takes finite triangles that have an area.
+    pub(crate) fn new(triangles: Vec<Triangle>, sources: Vec<TriangleSource>) -> Self {
+        if triangles.is_empty() {
+            return Self { triangles, sources, position_of: Vec::new(), bvh: None };
+        }
+        let parameters = BvhBuildParams { pre_split: false, ..BvhBuildParams::medium_build() };
+        let mut bvh = build_cwbvh(&triangles, parameters, &mut Duration::default());
+        // Triangles are stored in the order of the leaves: no indirection while tracing.
+        let order = std::mem::take(&mut bvh.primitive_indices);
+        let mut position_of = vec![0; triangles.len()];
+        for (position, &index) in order.iter().enumerate() {
+            position_of[index as usize] = position as u32;
+        }
+        let triangles = order.iter().map(|&i| triangles[i as usize]).collect();
+        let sources = order.iter().map(|&i| sources[i as usize]).collect();
+        Self { triangles, sources, position_of, bvh: Some(bvh) }
+    }
+
+    pub(crate) fn source(&self, triangle: u32) -> TriangleSource {
+        self.sources[triangle as usize]
+    }
+
+    pub(crate) fn corners(&self, triangle: u32) -> [Vec3; 3] {
+        self.triangles[triangle as usize].v.map(Vec3::from)
+    }
+
+    /// Index here of the n-th triangle that was handed to [`Geometry::new`].
+    pub(crate) fn position_of(&self, n: usize) -> u32 {
+        self.position_of[n]
+    }
+
+    pub(crate) fn len(&self) -> usize {
+        self.triangles.len()
+    }
+
+    /// The nearest triangle along a unit direction; of several at the same distance the one with the least source.
+    #[inline]
+    pub(crate) fn closest(&self, origin: Vec3, direction: Vec3) -> Option<Hit> {
+        let bvh = self.bvh.as_ref()?;
+        if !(origin.is_finite() && direction.is_finite()) {
+            return None;
+        }
+        let (origin, direction) = (Vec3A::from(origin), Vec3A::from(direction));
+        let mut best: Option<Hit> = None;
+        let ray = Ray::new(origin, direction, 0.0, f32::INFINITY);
+        bvh.ray_traverse(ray, &mut RayHit::none(), |ray, index| {
+            match self.triangles[index].intersect(origin, direction, ray.tmax) {
+                None => f32::INFINITY,
+                Some((t, u, v)) => {
+                    let triangle = index as u32;
+                    if best.is_none_or(|b| t < b.t || (t == b.t && self.rank(triangle) < self.rank(b.triangle))) {
+                        best = Some(Hit { t, triangle, barycentric: Vec2::new(u, v) });
+                    }
+                    t
+                }
+            }
+        });
+        best
+    }
+
+    fn rank(&self, triangle: u32) -> (u32, u32) {
+        let source = self.sources[triangle as usize];
+        (source.instance, source.triangle)
+    }
+
+    /// True where something lies between the origin and `distance` along a unit direction (infinite: anywhere).
+    #[inline]
+    pub(crate) fn occluded(&self, origin: Vec3, direction: Vec3, distance: f32) -> bool {
+        let Some(bvh) = self.bvh.as_ref() else { return false };
+        if !(origin.is_finite() && direction.is_finite()) {
+            return true;
+        }
+        let (origin, direction) = (Vec3A::from(origin), Vec3A::from(direction));
+        let tmax = if distance.is_finite() { distance * SHADOW_END } else { f32::MAX };
+        let ray = Ray::new(origin, direction, 0.0, tmax);
+        !bvh.ray_traverse_miss(ray, |_, index| match self.triangles[index].intersect(origin, direction, tmax) {
+            // `ray_traverse_miss` asks for less than the ray's end; any accepted distance counts.
+            Some(_) => 0.0,
+            None => f32::INFINITY,
+        })
+    }
+
+    /// How far a ray that leaves this triangle must start from it, in world units. Grows with the scene's unit.
+    #[inline]
+    pub(crate) fn offset(&self, triangle: u32) -> f32 {
+        let v = &self.triangles[triangle as usize].v;
+        v[0].abs().max(v[1].abs()).max(v[2].abs()).max_element() * OFFSET_SHARE
+    }
+
+    /// The nearest triangle by testing all of them: the oracle of the BVH's test.
+    #[cfg(test)]
+    fn closest_by_brute_force(&self, origin: Vec3, direction: Vec3) -> Option<Hit> {
+        let mut best: Option<Hit> = None;
+        for (index, triangle) in self.triangles.iter().enumerate() {
+            if let Some((t, u, v)) = triangle.intersect(origin.into(), direction.into(), f32::INFINITY) {
+                let index = index as u32;
+                if best.is_none_or(|b| t < b.t || (t == b.t && self.rank(index) < self.rank(b.triangle))) {
+                    best = Some(Hit { t, triangle: index, barycentric: Vec2::new(u, v) });
+                }
+            }
+        }
+        best
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn soup(seed: u32, count: usize, scale: f32) -> Geometry {
+        // A small multiplicative generator: the test needs variety, not quality.
+        let mut state = seed.wrapping_mul(747_796_405).wrapping_add(1);
+        let mut next = || {
+            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            (state >> 8) as f32 / (1 << 24) as f32 - 0.5
+        };
+        let mut point = |s: f32| Vec3A::new(next(), next(), next()) * s;
+        let triangles = (0..count)
+            .map(|_| {
+                let c = point(2.0 * scale);
+                Triangle { v: [c + point(0.3 * scale), c + point(0.3 * scale), c + point(0.3 * scale)] }
+            })
+            .collect();
+        let sources = (0..count as u32).map(|i| TriangleSource { instance: 0, triangle: i }).collect();
+        Geometry::new(triangles, sources)
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(40))]
+        #[test]
+        fn bvh_agrees_with_brute_force(
+            seed in 0_u32..1000, count in 1_usize..200, scale in prop::sample::select(vec![0.01_f32, 1.0, 100.0]),
+            rays in prop::collection::vec((-1.5_f32..1.5, -1.5_f32..1.5, -1.5_f32..1.5, -1.0_f32..1.0, -1.0_f32..1.0), 50),
+        ) {
+            let geometry = soup(seed, count, scale);
+            let mut hits = 0;
+            for (x, y, z, a, b) in rays {
+                let origin = Vec3::new(x, y, z) * scale;
+                let direction = (Vec3::new(a, b, 0.3) * scale - origin).normalize();
+                let expected = geometry.closest_by_brute_force(origin, direction);
+                let found = geometry.closest(origin, direction);
+                prop_assert_eq!(found, expected);
+                if let Some(hit) = expected {
+                    hits += 1;
+                    prop_assert!(geometry.occluded(origin, direction, hit.t * 1.01));
+                    prop_assert!(!geometry.occluded(origin, direction, hit.t * 0.99));
+                }
+                prop_assert_eq!(geometry.occluded(origin, direction, f32::INFINITY), expected.is_some());
+            }
+            // Without hits the comparison above would say nothing.
+            prop_assert!(count < 100 || hits > 0);
+        }
+    }
+
+    #[test]
+    fn axis_aligned_rays_and_flat_boxes_are_hit() {
+        let v = [Vec3A::new(-1.0, 0.0, -1.0), Vec3A::new(1.0, 0.0, -1.0), Vec3A::new(0.0, 0.0, 1.0)];
+        let geometry = Geometry::new(vec![Triangle { v }], vec![TriangleSource { instance: 0, triangle: 0 }]);
+        assert_eq!(geometry.closest(Vec3::new(0.0, 2.0, 0.0), Vec3::NEG_Y).unwrap().t, 2.0);
+        assert!(geometry.closest(Vec3::new(0.0, 2.0, 0.0), Vec3::Y).is_none());
+        assert!(geometry.closest(Vec3::new(0.0, f32::NAN, 0.0), Vec3::Y).is_none());
+    }
+
+    #[test]
+    fn a_closed_mesh_does_not_leak() {
+        let mesh = crate::shapes::uv_sphere(1.0, 37, 19);
+        let triangles: Vec<_> =
+            mesh.triangles.iter().map(|t| Triangle { v: t.map(|i| mesh.positions[i as usize].into()) }).collect();
+        let sources = (0..triangles.len() as u32).map(|i| TriangleSource { instance: 0, triangle: i }).collect();
+        let corners: Vec<Vec3> = triangles.iter().map(|t| Vec3::from(t.v[0])).collect();
+        let geometry = Geometry::new(triangles, sources);
+        // Straight at corners and edges: the worst case.
+        for pair in corners.windows(2) {
+            for s in [0.0, 0.25, 0.5] {
+                let direction = pair[0].lerp(pair[1], s).normalize_or(Vec3::X);
+                assert!(geometry.closest(Vec3::new(0.1, -0.07, 0.03), direction).is_some());
+                assert!(geometry.closest(Vec3::ZERO, direction).is_some());
+            }
+        }
+    }
+}

@@ -1,0 +1,376 @@
+//! The estimators of `algorithm.md` section 1: direct light, one matte and one glossy path, and the full integral.
+//!
+//! Vertices are counted from the eye: x0 is the eye, x1 the primary surface. A path of M or G leaves x1 and is
+//! scattered at most `bounces` times, at x2, x3, ..; light is looked for at each of these vertices and once more by
+//! the segment after the last. So the picture holds all light that is scattered at most `bounces` + 1 times between
+//! source and eye, and the reference holds the very same.
+
+use crate::bsdf::Bsdf;
+use crate::material::MaterialModel;
+use crate::sampler::Sampler;
+use crate::sources::Sources;
+use crate::world::{SurfacePoint, World};
+use glam::Vec3;
+
+/// Paths are ended at random from this scattering (counted from 1 at x2) onwards.
+const ROULETTE_FROM: u32 = 2;
+
+/// Least probability to survive the roulette, so that no path's weight grows more than tenfold there.
+const ROULETTE_FLOOR: f32 = 0.1;
+
+/// Perceptual roughness up to which a lamp is seen in the glossy signal, and from which its light is sampled for the
+/// direct term (algorithm.md section 1).
+const LAMP_IN_GLOSSY: (f32, f32) = (0.1, 0.3);
+
+/// Of the direct term's rays, one such ray per this many shadow rays follows the glossy lobe.
+const GLOSSY_RAYS_DIVISOR: u32 = 4;
+
+/// Above this roughness light sampling alone serves the glossy lobe's direct light.
+const GLOSSY_RAYS_MAX_ROUGHNESS: f32 = 0.75;
+
+/// Domains of the sampler, so that the number of draws of one purpose does not shift another's.
+#[derive(Clone, Copy)]
+pub(crate) enum Domain {
+    Matte = 1,
+    Glossy,
+    Full,
+    DirectLight,
+    DirectMatte,
+    DirectGlossy,
+    Transmission,
+    Chain,
+}
+
+/// What a segment's end adds when it meets a source.
+#[derive(Clone, Copy)]
+pub(crate) enum Seen {
+    /// This share of the source's light, whatever way the direction was found.
+    Share(f32),
+    /// The share that light sampling leaves to a direction that was found with density `pdf` per steradian at a
+    /// point with this normal (multiple importance sampling).
+    Balanced { pdf: f32, point: Vec3, normal: Vec3 },
+}
+
+/// Light along a ray.
+pub(crate) struct Incoming {
+    pub(crate) radiance: Vec3,
+    /// Length of the first segment, +inf where it leaves the scene.
+    pub(crate) distance: f32,
+}
+
+/// Rays shot so far.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct RayCounts {
+    /// Rays that ask what is hit first.
+    pub closest: u64,
+    /// Rays that ask whether anything is hit.
+    pub shadow: u64,
+}
+
+impl RayCounts {
+    /// All rays.
+    pub fn total(&self) -> u64 {
+        self.closest + self.shadow
+    }
+
+    pub(crate) fn add(&mut self, other: Self) {
+        self.closest += other.closest;
+        self.shadow += other.shadow;
+    }
+}
+
+/// Light transport in one world.
+pub(crate) struct Integrator<'w, 's> {
+    pub(crate) world: &'w World<'s>,
+    pub(crate) sources: &'w Sources,
+    pub(crate) model: MaterialModel,
+    /// Scatterings after the primary surface.
+    pub(crate) bounces: u32,
+}
+
+/// Share of a lamp's light that the glossy signal carries at its first hit; the direct term carries the rest.
+pub(crate) fn lamp_share_of_glossy(roughness: f32) -> f32 {
+    let (low, high) = LAMP_IN_GLOSSY;
+    let x = ((roughness - low) / (high - low)).clamp(0.0, 1.0);
+    1.0 - x * x * (3.0 - 2.0 * x)
+}
+
+fn power_heuristic(a: f32, b: f32) -> f32 {
+    if a.is_infinite() {
+        return 1.0;
+    }
+    let (a, b) = (a * a, b * b);
+    if a + b > 0.0 { a / (a + b) } else { 0.0 }
+}
+
+impl Integrator<'_, '_> {
+    pub(crate) fn bsdf(&self, point: &SurfacePoint, direction: Vec3) -> Bsdf {
+        Bsdf::new(
+            &point.material,
+            self.model,
+            point.shading_normal,
+            point.geometric_normal,
+            -direction,
+            !point.front,
+        )
+    }
+
+    /// Radiance that arrives along a ray, from surfaces that it meets and scatters at at most `scatterings` times.
+    pub(crate) fn incoming(
+        &self,
+        mut origin: Vec3,
+        mut direction: Vec3,
+        mut seen: Seen,
+        scatterings: u32,
+        sampler: &mut Sampler,
+        rays: &mut RayCounts,
+    ) -> Incoming {
+        let mut throughput = Vec3::ONE;
+        let mut radiance = Vec3::ZERO;
+        let mut distance = f32::INFINITY;
+        for segment in 0..=scatterings {
+            let last = segment == scatterings;
+            if last && segment > 0 && (!self.sources.can_be_hit() || matches!(seen, Seen::Share(0.0))) {
+                break;
+            }
+            rays.closest += 1;
+            let Some(hit) = self.world.geometry.closest(origin, direction) else {
+                let environment = self.sources.environment(direction);
+                if environment.max_element() > 0.0 {
+                    let share = match seen {
+                        Seen::Share(share) => share,
+                        Seen::Balanced { pdf, point, normal } => {
+                            power_heuristic(pdf, self.sources.pdf_of_environment(point, normal, direction))
+                        }
+                    };
+                    radiance += throughput * environment * share;
+                }
+                break;
+            };
+            if segment == 0 {
+                distance = hit.t;
+            }
+            let point = self.world.surface_point(&hit, direction);
+            if !point.front && point.material.is_transmissive() {
+                throughput *= point.material.transmittance(hit.t);
+            }
+            let emission = point.material.emitted(point.front);
+            if emission.max_element() > 0.0 {
+                let share = match seen {
+                    Seen::Share(share) => share,
+                    Seen::Balanced { pdf, point: from, normal } => power_heuristic(
+                        pdf,
+                        self.sources.pdf_of_triangle(from, normal, hit.triangle, &point, direction, hit.t),
+                    ),
+                };
+                radiance += throughput * emission * share;
+            }
+            if last {
+                break;
+            }
+            let bsdf = self.bsdf(&point, direction);
+            if !bsdf.is_delta_only() {
+                radiance += throughput * self.one_light_sample(&point, &bsdf, sampler, rays);
+            } else {
+                // The dimensions that the light sample would have drawn.
+                sampler.next_3d();
+            }
+            let Some(next) = bsdf.sample_full(sampler.next_3d()) else { break };
+            throughput *= next.value_times_cos_over_pdf;
+            let roulette = sampler.next_1d();
+            if segment + 1 >= ROULETTE_FROM {
+                let survival = throughput.max_element().clamp(ROULETTE_FLOOR, 1.0);
+                if roulette >= survival {
+                    break;
+                }
+                throughput /= survival;
+            }
+            if throughput.max_element() <= 0.0 {
+                break;
+            }
+            origin = point.ray_origin(next.wi);
+            direction = next.wi;
+            seen = if next.delta {
+                Seen::Share(1.0)
+            } else {
+                Seen::Balanced { pdf: next.pdf, point: point.position, normal: bsdf.normal() }
+            };
+        }
+        Incoming { radiance, distance }
+    }
+
+    /// Light of one sampled source, weighted against the surface's own sampling.
+    fn one_light_sample(&self, point: &SurfacePoint, bsdf: &Bsdf, sampler: &mut Sampler, rays: &mut RayCounts) -> Vec3 {
+        let u = sampler.next_3d();
+        let Some(light) = self.sources.sample(point.position, bsdf.normal(), u) else { return Vec3::ZERO };
+        let value = bsdf.eval(light.wi);
+        if value.max_element() <= 0.0 || light.radiance.max_element() <= 0.0 {
+            return Vec3::ZERO;
+        }
+        rays.shadow += 1;
+        if self.world.geometry.occluded(point.ray_origin(light.wi), light.wi, light.distance) {
+            return Vec3::ZERO;
+        }
+        let weight = if light.delta { 1.0 } else { power_heuristic(light.pdf, bsdf.pdf(light.wi)) };
+        value * light.radiance * (bsdf.abs_cos(light.wi) * weight / light.pdf)
+    }
+
+    /// Direct light of the reflecting lobes at the primary surface: `count` shadow rays and a few rays of the lobes,
+    /// all balanced against each other. `pass` counts repetitions, so that their samples stratify together.
+    pub(crate) fn direct(
+        &self,
+        point: &SurfacePoint,
+        bsdf: &Bsdf,
+        count: u32,
+        pass: u32,
+        sampler: &Sampler,
+        rays: &mut RayCounts,
+    ) -> Vec3 {
+        if count == 0 || self.sources.is_empty() || bsdf.is_delta_only() {
+            return Vec3::ZERO;
+        }
+        let roughness = point.material.roughness;
+        let glossy_share = 1.0 - lamp_share_of_glossy(roughness);
+        // Few sources are as wide as an environment: only there are rays of the matte lobe worth their price.
+        let matte_count = if self.sources.has_environment() { count.div_ceil(2) } else { 0 };
+        let glossy_rays = glossy_share > 0.0 && roughness < GLOSSY_RAYS_MAX_ROUGHNESS && self.sources.can_be_hit();
+        let glossy_count = if glossy_rays { count.div_ceil(GLOSSY_RAYS_DIVISOR) } else { 0 };
+        let (n_light, n_matte, n_glossy) = (count as f32, matte_count as f32, glossy_count as f32);
+        let position = point.position;
+        let normal = bsdf.normal();
+        let lobes = |wi: Vec3| bsdf.matte(wi) + bsdf.glossy(wi) * glossy_share;
+        let lobe_density = |wi: Vec3| n_matte * bsdf.matte_pdf(wi) + n_glossy * bsdf.glossy_pdf(wi);
+
+        let mut sum = Vec3::ZERO;
+        let stream = sampler.fork(Domain::DirectLight as u32);
+        for i in 0..count {
+            let u = stream.with_index(pass.wrapping_mul(count).wrapping_add(i)).next_3d();
+            let Some(light) = self.sources.sample(position, normal, u) else { continue };
+            let value = if light.delta { bsdf.matte(light.wi) + bsdf.glossy(light.wi) } else { lobes(light.wi) };
+            if value.max_element() <= 0.0 || light.radiance.max_element() <= 0.0 {
+                continue;
+            }
+            rays.shadow += 1;
+            if self.world.geometry.occluded(point.ray_origin(light.wi), light.wi, light.distance) {
+                continue;
+            }
+            let density = n_light * light.pdf + if light.delta { 0.0 } else { lobe_density(light.wi) };
+            sum += value * light.radiance * (bsdf.abs_cos(light.wi) / density);
+        }
+
+        let mut follow = |wi: Vec3| {
+            let value = lobes(wi);
+            if value.max_element() <= 0.0 {
+                return Vec3::ZERO;
+            }
+            let (radiance, pdf) = self.source_along(point, normal, wi, rays);
+            if radiance.max_element() <= 0.0 {
+                return Vec3::ZERO;
+            }
+            let density = n_light * pdf + lobe_density(wi);
+            if density > 0.0 { value * radiance * (bsdf.abs_cos(wi) / density) } else { Vec3::ZERO }
+        };
+        let stream = sampler.fork(Domain::DirectMatte as u32);
+        for i in 0..matte_count {
+            let u = stream.with_index(pass.wrapping_mul(matte_count).wrapping_add(i)).next_2d();
+            sum += follow(bsdf.sample_matte(u));
+        }
+        let stream = sampler.fork(Domain::DirectGlossy as u32);
+        for i in 0..glossy_count {
+            let u = stream.with_index(pass.wrapping_mul(glossy_count).wrapping_add(i)).next_2d();
+            if let Some(glossy) = bsdf.sample_glossy(u) {
+                sum += follow(glossy.wi);
+            }
+        }
+        sum
+    }
+
+    /// The source that is seen in a direction: its radiance and the density with which light sampling finds it.
+    fn source_along(&self, from: &SurfacePoint, normal: Vec3, wi: Vec3, rays: &mut RayCounts) -> (Vec3, f32) {
+        rays.closest += 1;
+        match self.world.geometry.closest(from.ray_origin(wi), wi) {
+            None => (self.sources.environment(wi), self.sources.pdf_of_environment(from.position, normal, wi)),
+            Some(hit) => {
+                if !self.sources.is_emitter(hit.triangle) {
+                    return (Vec3::ZERO, 0.0);
+                }
+                let point = self.world.surface_point(&hit, wi);
+                let emission = point.material.emitted(point.front);
+                if emission.max_element() <= 0.0 {
+                    return (Vec3::ZERO, 0.0);
+                }
+                let pdf = self.sources.pdf_of_triangle(from.position, normal, hit.triangle, &point, wi, hit.t);
+                (emission, pdf)
+            }
+        }
+    }
+
+    /// One matte path: light of a cosine-distributed direction, without the weight of the surface.
+    pub(crate) fn matte_path(
+        &self,
+        point: &SurfacePoint,
+        bsdf: &Bsdf,
+        exact: bool,
+        sampler: &Sampler,
+        rays: &mut RayCounts,
+    ) -> Incoming {
+        let mut sampler = sampler.fork(Domain::Matte as u32);
+        let wi = bsdf.sample_matte(sampler.next_2d());
+        let ratio = bsdf.exact_matte_ratio(wi);
+        if ratio.max_element() <= 0.0 {
+            // Below the geometric surface. A hit distance of 0 keeps filters from reaching out.
+            return Incoming { radiance: Vec3::ZERO, distance: 0.0 };
+        }
+        // Every source is sampled by the direct term: the first segment carries none.
+        let mut incoming =
+            self.incoming(point.ray_origin(wi), wi, Seen::Share(0.0), self.bounces, &mut sampler, rays);
+        if exact {
+            incoming.radiance *= ratio;
+        }
+        incoming
+    }
+
+    /// One glossy path: light of a direction of the lobe, times g |n.w| / p, without the weight of the surface.
+    pub(crate) fn glossy_path(
+        &self,
+        point: &SurfacePoint,
+        bsdf: &Bsdf,
+        exact: bool,
+        sampler: &Sampler,
+        rays: &mut RayCounts,
+    ) -> Incoming {
+        let mut sampler = sampler.fork(Domain::Glossy as u32);
+        let Some(sample) = bsdf.sample_glossy(sampler.next_2d()) else {
+            return Incoming { radiance: Vec3::ZERO, distance: 0.0 };
+        };
+        let seen = Seen::Share(lamp_share_of_glossy(point.material.roughness));
+        let mut incoming =
+            self.incoming(point.ray_origin(sample.wi), sample.wi, seen, self.bounces, &mut sampler, rays);
+        incoming.radiance *= sample.weight;
+        if exact {
+            incoming.radiance *= bsdf.exact_glossy_ratio(sample.wi);
+        }
+        incoming
+    }
+
+    /// Light through a surface, traced without any split: one path with all emission.
+    pub(crate) fn transmission_path(
+        &self,
+        point: &SurfacePoint,
+        bsdf: &Bsdf,
+        sampler: &Sampler,
+        rays: &mut RayCounts,
+    ) -> Vec3 {
+        let mut sampler = sampler.fork(Domain::Transmission as u32);
+        let Some(sample) = bsdf.sample_transmission(sampler.next_2d()) else { return Vec3::ZERO };
+        let incoming = self.incoming(
+            point.ray_origin(sample.wi),
+            sample.wi,
+            Seen::Share(1.0),
+            self.bounces,
+            &mut sampler,
+            rays,
+        );
+        sample.weight * incoming.radiance
+    }
+}
