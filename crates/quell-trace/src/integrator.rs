@@ -95,6 +95,11 @@ pub(crate) fn lamp_share_of_glossy(roughness: f32) -> f32 {
     1.0 - x * x * (3.0 - 2.0 * x)
 }
 
+/// The side from which a surface takes light, for light sampling: its normal, or 0 for both sides.
+fn light_side(bsdf: &Bsdf) -> Vec3 {
+    if bsdf.is_transmissive() { Vec3::ZERO } else { bsdf.normal() }
+}
+
 fn power_heuristic(a: f32, b: f32) -> f32 {
     if a.is_infinite() {
         return 1.0;
@@ -158,10 +163,9 @@ impl Integrator<'_, '_> {
             if emission.max_element() > 0.0 {
                 let share = match seen {
                     Seen::Share(share) => share,
-                    Seen::Balanced { pdf, point: from, normal } => power_heuristic(
-                        pdf,
-                        self.sources.pdf_of_triangle(from, normal, hit.triangle, &point, direction, hit.t),
-                    ),
+                    Seen::Balanced { pdf, point: from, normal } => {
+                        power_heuristic(pdf, self.sources.pdf_of_triangle(from, normal, hit.triangle, direction))
+                    }
                 };
                 radiance += throughput * emission * share;
             }
@@ -193,7 +197,7 @@ impl Integrator<'_, '_> {
             seen = if next.delta {
                 Seen::Share(1.0)
             } else {
-                Seen::Balanced { pdf: next.pdf, point: point.position, normal: bsdf.normal() }
+                Seen::Balanced { pdf: next.pdf, point: point.position, normal: light_side(&bsdf) }
             };
         }
         Incoming { radiance, distance }
@@ -202,7 +206,7 @@ impl Integrator<'_, '_> {
     /// Light of one sampled source, weighted against the surface's own sampling.
     fn one_light_sample(&self, point: &SurfacePoint, bsdf: &Bsdf, sampler: &mut Sampler, rays: &mut RayCounts) -> Vec3 {
         let u = sampler.next_3d();
-        let Some(light) = self.sources.sample(point.position, bsdf.normal(), u) else { return Vec3::ZERO };
+        let Some(light) = self.sources.sample(point.position, light_side(bsdf), u) else { return Vec3::ZERO };
         let value = bsdf.eval(light.wi);
         if value.max_element() <= 0.0 || light.radiance.max_element() <= 0.0 {
             return Vec3::ZERO;
@@ -299,7 +303,7 @@ impl Integrator<'_, '_> {
                 if emission.max_element() <= 0.0 {
                     return (Vec3::ZERO, 0.0);
                 }
-                let pdf = self.sources.pdf_of_triangle(from.position, normal, hit.triangle, &point, wi, hit.t);
+                let pdf = self.sources.pdf_of_triangle(from.position, normal, hit.triangle, wi);
                 (emission, pdf)
             }
         }

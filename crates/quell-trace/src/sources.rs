@@ -1,0 +1,121 @@
+//! What lights a world, as the integrator asks for it: emissive triangles found by rays, and light sampling.
+
+use crate::environment::Environment;
+use crate::lights::{Emitter, LightSample, LightSampler};
+use crate::scene::{PointlikeLight, Scene};
+use crate::world::World;
+use glam::Vec3;
+use std::sync::Arc;
+
+/// No emitter.
+const NONE: u32 = u32::MAX;
+
+/// All sources of a world.
+pub(crate) struct Sources {
+    sampler: LightSampler,
+    /// Emitter of each triangle of the geometry, or [`NONE`].
+    emitter_of: Vec<u32>,
+    environment: Option<Arc<Environment>>,
+    /// Number of the environment among the emitters.
+    environment_index: usize,
+    environment_scale: f32,
+    has_area: bool,
+}
+
+impl Sources {
+    pub(crate) fn new(world: &World<'_>, scene: &Scene) -> Self {
+        let mut emitters = Vec::with_capacity(world.emissive.len() + world.lights.len() + 1);
+        let mut emitter_of = if world.emissive.is_empty() { Vec::new() } else { vec![NONE; world.geometry.len()] };
+        for triangle in &world.emissive {
+            emitter_of[triangle.triangle as usize] = emitters.len() as u32;
+            emitters.push(Emitter::Triangle {
+                vertices: triangle.corners,
+                radiance: triangle.radiance,
+                two_sided: triangle.two_sided,
+            });
+        }
+        for light in &world.lights {
+            emitters.push(match *light {
+                PointlikeLight::Point { position, intensity } => Emitter::Point { position, intensity },
+                PointlikeLight::Spot { position, direction, intensity, inner, outer } => Emitter::Spot {
+                    position,
+                    direction: direction.normalize_or(Vec3::NEG_Y),
+                    intensity,
+                    inner_angle: inner,
+                    outer_angle: outer,
+                },
+                PointlikeLight::Directional { direction, irradiance } => {
+                    Emitter::Directional { direction: direction.normalize_or(Vec3::NEG_Y), irradiance }
+                }
+            });
+        }
+        let environment_index = emitters.len();
+        let shines = world.environment_scale > 0.0 && scene.environment.mean_radiance().max_element() > 0.0;
+        let environment = shines.then(|| Arc::new(scene.environment.clone()));
+        if let Some(environment) = &environment {
+            emitters.push(Emitter::Environment(Arc::clone(environment)));
+        }
+        Self {
+            sampler: LightSampler::new(emitters),
+            emitter_of,
+            environment,
+            environment_index,
+            environment_scale: world.environment_scale,
+            has_area: !world.emissive.is_empty(),
+        }
+    }
+
+    pub(crate) fn is_empty(&self) -> bool {
+        self.sampler.is_empty()
+    }
+
+    pub(crate) fn has_environment(&self) -> bool {
+        self.environment.is_some()
+    }
+
+    /// Whether a ray can find any source.
+    pub(crate) fn can_be_hit(&self) -> bool {
+        self.has_area || self.environment.is_some()
+    }
+
+    pub(crate) fn is_emitter(&self, triangle: u32) -> bool {
+        self.emitter_of.get(triangle as usize).is_some_and(|&e| e != NONE)
+    }
+
+    /// Radiance from infinitely far away.
+    #[inline]
+    pub(crate) fn environment(&self, direction: Vec3) -> Vec3 {
+        match &self.environment {
+            Some(environment) => environment.radiance(direction) * self.environment_scale,
+            None => Vec3::ZERO,
+        }
+    }
+
+    /// A direction towards light; `normal` is 0 where light may come from both sides.
+    #[inline]
+    pub(crate) fn sample(&self, point: Vec3, normal: Vec3, u: Vec3) -> Option<LightSample> {
+        let mut sample = self.sampler.sample(point, normal, u)?;
+        if sample.emitter_index == self.environment_index {
+            sample.radiance *= self.environment_scale;
+        }
+        (sample.pdf > 0.0 && sample.pdf.is_finite()).then_some(sample)
+    }
+
+    /// Density with which [`Sources::sample`] finds an emissive triangle that the direction meets.
+    #[inline]
+    pub(crate) fn pdf_of_triangle(&self, point: Vec3, normal: Vec3, triangle: u32, direction: Vec3) -> f32 {
+        match self.emitter_of.get(triangle as usize) {
+            Some(&emitter) if emitter != NONE => self.sampler.pdf(point, normal, emitter as usize, direction),
+            _ => 0.0,
+        }
+    }
+
+    /// Density with which [`Sources::sample`] finds the environment in this direction.
+    #[inline]
+    pub(crate) fn pdf_of_environment(&self, point: Vec3, normal: Vec3, direction: Vec3) -> f32 {
+        match &self.environment {
+            Some(_) => self.sampler.pdf(point, normal, self.environment_index, direction),
+            None => 0.0,
+        }
+    }
+}
