@@ -38,7 +38,6 @@ pub(crate) enum Domain {
     DirectMatte,
     DirectGlossy,
     Transmission,
-    Chain,
 }
 
 /// What a segment's end adds when it meets a source.
@@ -110,14 +109,7 @@ fn power_heuristic(a: f32, b: f32) -> f32 {
 
 impl Integrator<'_, '_> {
     pub(crate) fn bsdf(&self, point: &SurfacePoint, direction: Vec3) -> Bsdf {
-        Bsdf::new(
-            &point.material,
-            self.model,
-            point.shading_normal,
-            point.geometric_normal,
-            -direction,
-            !point.front,
-        )
+        Bsdf::new(&point.material, self.model, point.shading_normal, point.geometric_normal, -direction, !point.front)
     }
 
     /// Radiance that arrives along a ray, from surfaces that it meets and scatters at at most `scatterings` times.
@@ -326,8 +318,7 @@ impl Integrator<'_, '_> {
             return Incoming { radiance: Vec3::ZERO, distance: 0.0 };
         }
         // Every source is sampled by the direct term: the first segment carries none.
-        let mut incoming =
-            self.incoming(point.ray_origin(wi), wi, Seen::Share(0.0), self.bounces, &mut sampler, rays);
+        let mut incoming = self.incoming(point.ray_origin(wi), wi, Seen::Share(0.0), self.bounces, &mut sampler, rays);
         if exact {
             incoming.radiance *= ratio;
         }
@@ -367,14 +358,8 @@ impl Integrator<'_, '_> {
     ) -> Vec3 {
         let mut sampler = sampler.fork(Domain::Transmission as u32);
         let Some(sample) = bsdf.sample_transmission(sampler.next_2d()) else { return Vec3::ZERO };
-        let incoming = self.incoming(
-            point.ray_origin(sample.wi),
-            sample.wi,
-            Seen::Share(1.0),
-            self.bounces,
-            &mut sampler,
-            rays,
-        );
+        let incoming =
+            self.incoming(point.ray_origin(sample.wi), sample.wi, Seen::Share(1.0), self.bounces, &mut sampler, rays);
         sample.weight * incoming.radiance
     }
 }

@@ -72,7 +72,7 @@ pub fn lathe(profile: &[Vec2], slices: u32, smooth: bool) -> Mesh {
         let d = b - a;
         Vec2::new(d.y, -d.x).normalize_or_zero()
     };
-    let mut ring = |mesh: &mut Mesh, p: Vec2, n: Vec2, v: f32| {
+    let ring = |mesh: &mut Mesh, p: Vec2, n: Vec2, v: f32| {
         let start = mesh.positions.len() as u32;
         for i in 0..=slices {
             // The seam repeats the first angle exactly, so that it closes.

@@ -340,8 +340,7 @@ impl<'s> Tracer<'s> {
             });
         };
         let at = |frame: i64| {
-            let unusable =
-                || SceneError::Camera { scene: self.scene.name.clone(), number: self.camera, frame };
+            let unusable = || SceneError::Camera { scene: self.scene.name.clone(), number: self.camera, frame };
             let mut camera = path.at(frame as f64, size).ok_or_else(unusable)?;
             if jitter {
                 camera.jitter = jitter_of(frame);
@@ -499,11 +498,11 @@ impl<'s> Tracer<'s> {
     }
 
     /// The point and direction of a pixel's ray.
-    fn primary_ray(views: &Views, x: usize, y: usize) -> (Vec2, Vec3, Vec3) {
+    fn primary_ray(views: &Views, x: usize, y: usize) -> (Vec3, Vec3) {
         let jitter = Vec2::from(views.camera.jitter);
         let pixel = Vec2::new(x as f32 + 0.5, y as f32 + 0.5) + jitter;
         let direction = views.now.ray_direction(pixel).normalize_or(views.now.forward);
-        (pixel, views.now.ray_origin(pixel), direction)
+        (views.now.ray_origin(pixel), direction)
     }
 
     /// The primary surface, or the direction of the background.
@@ -515,10 +514,10 @@ impl<'s> Tracer<'s> {
         y: usize,
         rays: &mut RayCounts,
     ) -> Result<Primary, (Vec3, Guides)> {
-        let (pixel, origin, direction) = Self::primary_ray(views, x, y);
+        let (origin, direction) = Self::primary_ray(views, x, y);
         rays.closest += 1;
         let Some(hit) = self.world.geometry.closest(origin, direction) else {
-            return Err((direction, background(views, pixel, direction)));
+            return Err((direction, background(views, direction)));
         };
         let point = self.world.surface_point(&hit, direction);
         let bsdf = integrator.bsdf(&point, direction);
@@ -633,7 +632,7 @@ impl<'s> Tracer<'s> {
         let mut parts = [Moments64::default(); 3];
         match kind {
             ReferenceKind::FullIntegral => {
-                let (_, origin, direction) = Self::primary_ray(views, x, y);
+                let (origin, direction) = Self::primary_ray(views, x, y);
                 for sample in samples {
                     let mut sampler = Sampler::new(pixel, self.frame, sample, seed).fork(Domain::Full as u32);
                     let scatterings = options.bounces + 1;
@@ -727,14 +726,12 @@ fn motion(views: &Views, now: Vec3, before: Vec3) -> Vec2 {
 }
 
 /// Guides where nothing is hit: only the camera's rotation moves what is infinitely far away.
-fn background(views: &Views, _pixel: Vec2, direction: Vec3) -> Guides {
+fn background(views: &Views, direction: Vec3) -> Guides {
     let motion = match (views.now.perspective, views.before.perspective) {
-        (true, true) => {
-            match (views.now.pixel_of_direction(direction), views.before.pixel_of_direction(direction)) {
-                (Some(now), Some(before)) => before - now,
-                _ => Vec2::NAN,
-            }
-        }
+        (true, true) => match (views.now.pixel_of_direction(direction), views.before.pixel_of_direction(direction)) {
+            (Some(now), Some(before)) => before - now,
+            _ => Vec2::NAN,
+        },
         // An orthographic camera sees one direction everywhere: unknown unless it did not turn.
         (false, false) if views.now.forward == views.before.forward => Vec2::ZERO,
         _ => Vec2::NAN,
@@ -773,8 +770,7 @@ fn for_each_pixel<T: Send>(
             .map(|task| {
                 let mut rays = RayCounts::default();
                 let range = task * TASK_PIXELS..((task + 1) * TASK_PIXELS).min(pixels);
-                let values =
-                    range.map(|i| compute(i % size.width, y0 + i / size.width, &mut rays)).collect::<Vec<T>>();
+                let values = range.map(|i| compute(i % size.width, y0 + i / size.width, &mut rays)).collect::<Vec<T>>();
                 (values, rays)
             })
             .collect();

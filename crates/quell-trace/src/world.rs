@@ -103,9 +103,10 @@ impl<'s> World<'s> {
                 Some(deform) => {
                     let states = [deform(now, mesh), deform(before, mesh)];
                     for (positions, normals) in &states {
-                        for (what, found, needed) in
-                            [("vertex", positions.len(), mesh.positions.len()), ("normal", normals.len(), mesh.normals.len())]
-                        {
+                        for (what, found, needed) in [
+                            ("vertex", positions.len(), mesh.positions.len()),
+                            ("normal", normals.len(), mesh.normals.len()),
+                        ] {
                             if found < needed {
                                 let place = format!("deformed mesh {}", instance.mesh);
                                 return Err(SceneError::Index { what, index: needed - 1, count: found, place });
@@ -124,11 +125,9 @@ impl<'s> World<'s> {
             let handedness = if determinant < 0.0 { -1.0 } else { 1.0 };
             // The cofactor matrix also serves flattened instances, whose inverse does not exist.
             let m = transform.matrix3;
-            let normal_matrix = Mat3A::from_cols(
-                m.y_axis.cross(m.z_axis),
-                m.z_axis.cross(m.x_axis),
-                m.x_axis.cross(m.y_axis),
-            ) * handedness;
+            let normal_matrix =
+                Mat3A::from_cols(m.y_axis.cross(m.z_axis), m.z_axis.cross(m.x_axis), m.x_axis.cross(m.y_axis))
+                    * handedness;
             let radiance = material.emission * emission_scale;
             for (number, corners) in mesh.triangles.iter().enumerate() {
                 let v = corners.map(|i| world[i as usize].into());
@@ -205,7 +204,7 @@ impl<'s> World<'s> {
             geometric_normal
         } else {
             let [n0, n1, n2] = corners.map(|i| normals[i as usize]);
-            let n = Vec3::from(placed.normal_matrix * (n0 * w + n1 * u + n2 * v)).try_normalize();
+            let n = (placed.normal_matrix * (n0 * w + n1 * u + n2 * v)).try_normalize();
             match n {
                 Some(n) if n.dot(geometric_normal) >= 0.0 => n,
                 // Data with inverted or missing normals: the face's own side decides.
@@ -255,26 +254,11 @@ impl<'s> World<'s> {
         let Vec2 { x: u, y: v } = point.barycentric;
         placed.previous_transform.transform_point3(a * (1.0 - u - v) + b * u + c * v)
     }
-
-    /// Unit geometric normal, on the triangle's front side, one frame before.
-    pub(crate) fn previous_geometric_normal(&self, point: &SurfacePoint) -> Vec3 {
-        let source = self.geometry.source(point.triangle);
-        let placed = &self.placed[source.instance as usize];
-        let mesh = self.mesh(source.instance);
-        let positions = placed.deformed.as_ref().map_or(&mesh.positions, |[_, before]| &before.0);
-        let corners = mesh.triangles[source.triangle as usize];
-        let [a, b, c] = corners.map(|i| placed.previous_transform.transform_point3(positions[i as usize]));
-        ((b - a).cross(c - a) * placed.handedness).normalize_or(point.geometric_normal)
-    }
 }
 
 fn check_indices(scene: &Scene) -> Result<(), SceneError> {
     let check = |what: &'static str, index: usize, count: usize, place: &dyn Fn() -> Cow<'static, str>| {
-        if index < count {
-            Ok(())
-        } else {
-            Err(SceneError::Index { what, index, count, place: place().into_owned() })
-        }
+        if index < count { Ok(()) } else { Err(SceneError::Index { what, index, count, place: place().into_owned() }) }
     };
     for (number, instance) in scene.instances.iter().enumerate() {
         let place = || Cow::from(format!("instance {number}"));

@@ -31,7 +31,7 @@ pub(super) fn build() -> Scene {
         scene.surface(Material { base_color: Vec3::new(0.72, 0.7, 0.68), roughness: 0.35, ..Material::default() });
     let lamp = scene.surface(Material {
         base_color: Vec3::splat(0.7),
-        emission: Vec3::new(17.0, 12.5, 7.5),
+        emission: Vec3::new(40.0, 31.0, 20.0),
         ..Material::default()
     });
     let (w, h, d) = (HALF_WIDTH, HEIGHT, HALF_DEPTH);

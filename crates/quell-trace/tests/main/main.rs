@@ -1,0 +1,5 @@
+//! Tests of the tracer from outside: physics, agreement of estimators, determinism, bad input.
+
+mod estimators;
+mod robustness;
+mod scenes;

@@ -1,0 +1,162 @@
+//! Determinism, scale, bad input.
+
+use crate::scenes::{closed_box, lambert};
+use glam::Vec3;
+use quell::{Plane, Size};
+use quell_trace::{
+    CameraPath, Control, Half, Instance, ReferenceKind, RenderOptions, Scene, SceneError, TraceError, Tracer, builtin,
+    scene_hash, shapes,
+};
+use std::sync::atomic::AtomicBool;
+
+fn options(width: usize, height: usize) -> RenderOptions {
+    RenderOptions { direct_samples: 4, ..RenderOptions::new(Size::new(width, height)) }
+}
+
+#[test]
+fn the_number_of_threads_does_not_matter() {
+    let scene = builtin("cornell-box").unwrap();
+    let render = |threads: usize, seed: u64| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| {
+            let tracer = Tracer::new(&scene, 3, 2).unwrap();
+            let options = RenderOptions { seed, jitter: true, ..options(67, 41) };
+            tracer.render(&options, &Control::default()).unwrap().frame
+        })
+    };
+    let one = render(1, 7);
+    assert_eq!(one, render(2, 7));
+    assert_ne!(one.matte, render(2, 8).matte);
+}
+
+#[test]
+fn the_unit_of_length_does_not_matter() {
+    let scene = builtin("cornell-box").unwrap();
+    let size = Size::new(48, 27);
+    let picture = |scale: f32| {
+        let scene = scene.scaled(scale);
+        let tracer = Tracer::new(&scene, 0, 1).unwrap();
+        let options = RenderOptions { samples: 4, ..options(size.width, size.height) };
+        let frame = tracer.render(&options, &Control::default()).unwrap().frame;
+        (frame.composite(), frame.view_depth.unwrap())
+    };
+    let (one, depth) = picture(1.0);
+    for scale in [0.01, 100.0] {
+        let (other, other_depth) = picture(scale);
+        // Rounding sends a few paths elsewhere; all others see the same to rounding.
+        let far_off = one
+            .data()
+            .iter()
+            .zip(other.data())
+            .filter(|(a, b)| (0..3).any(|c| (a[c] - b[c]).abs() > 1e-3 * (a[c].abs() + 0.01)))
+            .count();
+        assert!(far_off * 50 < size.pixels(), "{far_off} pixels of {} differ at scale {scale}", size.pixels());
+        let same_depth =
+            |(a, b): (&f32, &f32)| a.is_infinite() && b.is_infinite() || (b / scale / a - 1.0).abs() < 1e-3;
+        let wrong = depth.data().iter().zip(other_depth.data()).filter(|p| !same_depth(*p)).count();
+        assert!(wrong * 200 < size.pixels(), "{wrong} depths differ at scale {scale}");
+    }
+}
+
+#[test]
+fn bad_input_is_an_error() {
+    let scene = builtin("cornell-box").unwrap();
+    assert!(matches!(Tracer::new(&scene, 0, 0), Err(SceneError::UnknownCamera { count: 5, .. })));
+    assert!(matches!(Tracer::new(&scene, 0, 6), Err(SceneError::UnknownCamera { .. })));
+    let tracer = Tracer::new(&scene, 0, 1).unwrap();
+    for (w, h) in [(0, 4), (4, 0), (1 << 20, 1)] {
+        let error = tracer.render(&options(w, h), &Control::default()).unwrap_err();
+        assert!(matches!(error, TraceError::Scene(SceneError::Size { .. })), "{error}");
+    }
+    let cancel = AtomicBool::new(true);
+    let control = Control { cancel: Some(&cancel), progress: None };
+    assert_eq!(tracer.render(&options(4, 4), &control).unwrap_err(), TraceError::Cancelled);
+
+    let mut broken = closed_box(0.5, 1.0);
+    broken.instances.push(Instance::fixed(3, 0));
+    assert!(matches!(Tracer::new(&broken, 0, 1), Err(SceneError::Index { what: "mesh", index: 3, .. })));
+    let mut broken = closed_box(0.5, 1.0);
+    broken.meshes[0].triangles.push([0, 1, 99]);
+    assert!(matches!(Tracer::new(&broken, 0, 1), Err(SceneError::Index { what: "vertex", index: 99, .. })));
+    let mut broken = closed_box(0.5, 1.0);
+    broken.meshes[0].positions[0].x = f32::NAN;
+    assert!(matches!(Tracer::new(&broken, 0, 1), Err(SceneError::NotFinite { .. })));
+    let mut broken = closed_box(0.5, 1.0);
+    broken.cameras[0] = CameraPath::fixed(Vec3::ONE, Vec3::ONE, 40.0);
+    assert!(matches!(Tracer::new(&broken, 0, 1), Err(SceneError::Camera { number: 1, .. })));
+    assert!(Tracer::new(&broken, 0, 1).err().unwrap().to_string().contains("camera 1"));
+}
+
+#[test]
+fn odd_scenes_give_pictures() {
+    let camera = CameraPath::fixed(Vec3::ZERO, Vec3::NEG_Z, 60.0);
+    // No geometry, no light.
+    let mut empty = Scene::new("empty");
+    empty.cameras.push(camera.clone());
+    // Geometry, no light; a mesh without triangles; a triangle without area.
+    let mut dark = closed_box(0.5, 0.0);
+    dark.meshes.push(quell_trace::Mesh::default());
+    dark.instances.push(Instance::fixed(1, 0));
+    dark.meshes[0].triangles.push([0, 0, 0]);
+    // The eye inside a solid wall, and exactly on a plane.
+    let mut inside = Scene::new("inside");
+    let surface = inside.surface(lambert(Vec3::ONE, Vec3::ONE));
+    inside.place(shapes::cuboid(Vec3::splat(-1.0), Vec3::ONE), surface);
+    inside.cameras.push(camera.clone());
+    let mut on_plane = Scene::new("on a plane");
+    let surface = on_plane.surface(lambert(Vec3::ONE, Vec3::ONE));
+    on_plane.place(shapes::quad(Vec3::new(-1.0, 0.0, 1.0), Vec3::X * 2.0, Vec3::NEG_Z * 2.0), surface);
+    on_plane.cameras.push(camera);
+    for (scene, black) in [(&empty, true), (&dark, true), (&inside, true), (&on_plane, false)] {
+        let tracer = Tracer::new(scene, 0, 1).unwrap();
+        for (w, h) in [(1, 1), (1, 7), (5, 1), (8, 8)] {
+            let rendered = tracer.render(&options(w, h), &Control::default()).unwrap();
+            rendered.frame.frame(&[]).check(Size::new(w, h)).unwrap();
+            let picture = rendered.frame.composite();
+            assert!(picture.data().iter().flatten().all(|v| v.is_finite()), "{}", scene.name);
+            if black {
+                // Not exactly 0: rounding may lift a point above the plane of its own emissive wall.
+                assert!(picture.data().iter().flatten().all(|v| *v < 1e-4), "{}", scene.name);
+            }
+        }
+    }
+    let tracer = Tracer::new(&dark, 0, 1).unwrap();
+    let notes = tracer.render(&options(2, 2), &Control::default()).unwrap().notes;
+    assert!(notes.iter().any(|n| n.contains("no light")) && notes.iter().any(|n| n.contains("1 triangles")));
+}
+
+#[test]
+fn references_are_resumable_and_halves_differ() {
+    let scene = builtin("cornell-box").unwrap();
+    let tracer = Tracer::new(&scene, 0, 1).unwrap();
+    let options = options(12, 8);
+    for kind in [ReferenceKind::Factored, ReferenceKind::FullIntegral] {
+        let part = |half, range| tracer.reference(&options, kind, half, range, &Control::default()).unwrap();
+        let whole = part(Half::A, 0..24);
+        let mut joined = part(Half::A, 0..16);
+        joined.merge(&part(Half::A, 16..24)).unwrap();
+        let close = |a: &Plane<[f32; 3]>, b: &Plane<[f32; 3]>| {
+            a.data().iter().flatten().zip(b.data().iter().flatten()).all(|(a, b)| (a - b).abs() <= 2e-4 * a.abs())
+        };
+        assert_eq!(joined.samples, 24);
+        assert!(close(&whole.beauty, &joined.beauty) && close(&whole.variance, &joined.variance));
+        assert!(close(&whole.matte, &joined.matte) && close(&whole.glossy, &joined.glossy));
+        assert_ne!(whole.beauty, part(Half::B, 0..24).beauty);
+    }
+    let mut other = tracer.reference(&options, ReferenceKind::Factored, Half::A, 0..1, &Control::default()).unwrap();
+    let full = tracer.reference(&options, ReferenceKind::FullIntegral, Half::A, 0..1, &Control::default()).unwrap();
+    assert!(other.merge(&full).is_err());
+}
+
+#[test]
+fn hashes_tell_scenes_and_options_apart() {
+    let scene = builtin("cornell-box").unwrap();
+    let options = options(12, 8);
+    let hash = scene_hash(&scene, &options);
+    assert_eq!(hash, scene_hash(&builtin("cornell-box").unwrap(), &options));
+    assert_ne!(hash, scene_hash(&scene, &RenderOptions { bounces: 2, ..options }));
+    assert_ne!(hash, scene_hash(&scene, &RenderOptions { seed: 1, ..options }));
+    let mut other = scene.clone();
+    other.identity ^= 1;
+    assert_ne!(hash, scene_hash(&other, &options));
+}
