@@ -23,8 +23,8 @@ use crate::tone::{LIT_PART_OF_MEAN, luminance};
 use quell::{Plane, Rgb, Size};
 use rayon::prelude::*;
 
-/// Pixels a degree of visual angle: 0.7 m from a screen 0.7 m and 3840 pixels wide (2020, section 5).
-pub const PIXELS_PER_DEGREE: f32 = 67.0;
+/// Pixels a degree of visual angle, 67.02: 0.7 m from a screen that is 0.7 m and 3840 pixels wide (2020, section 5).
+pub const PIXELS_PER_DEGREE: f32 = 3840.0 * std::f32::consts::PI / 180.0;
 
 /// Contrast sensitivity (2020, table 1): a sum of two Gaussians a sqrt(pi / b) exp(-pi^2 x^2 / b), x in degrees.
 struct Sensitivity {
@@ -152,7 +152,7 @@ impl Exposures {
 /// [`Error::Size`], [`Error::Empty`].
 pub fn ldr_flip(picture: &Plane<Rgb>, reference: &Plane<Rgb>) -> Result<FlipMap, Error> {
     Error::same_size("picture", picture.size(), reference.size())?;
-    let clamp = |c: Rgb| c.map(|v| v.max(0.0).min(1.0));
+    let clamp = |c: Rgb| c.map(|v| positive(v).min(1.0));
     Ok(FlipMap::new(Flip::new(PIXELS_PER_DEGREE).compare(picture, reference, clamp)))
 }
 
@@ -179,8 +179,13 @@ pub fn hdr_flip(picture: &Plane<Rgb>, reference: &Plane<Rgb>, exposures: &Exposu
     largest.map(FlipMap::new).ok_or_else(|| Error::Empty { what: "HDR-FLIP needs at least one exposure".to_owned() })
 }
 
+/// NaN and negative light count as black.
+fn positive(v: f32) -> f32 {
+    if v > 0.0 { v } else { 0.0 }
+}
+
 fn aces(v: f32) -> f32 {
-    let v = v.max(0.0).min(LARGEST_LIGHT);
+    let v = positive(v).min(LARGEST_LIGHT);
     let [k0, k1, _, k3, k4, k5] = ACES.map(|k| k as f32);
     ((k0 * v + k1) * v / ((k3 * v + k4) * v + k5)).min(1.0)
 }

@@ -1,0 +1,3 @@
+//! Tests of the lab that need more than one module: independent implementations, the browser.
+
+mod metrics;
