@@ -99,9 +99,9 @@ struct Map {
     texels: Plane<Rgb>,
     /// Turn about the y axis in radians: positive moves the picture to larger columns.
     rotation: f32,
-    /// Cumulated probability of rows: height + 1 values from 0 to 1.
+    /// Cumulated probability of the texels' rows: height + 1 values from 0 to 1.
     row_cdf: Vec<f32>,
-    /// Cumulated probability of columns within each row: width + 1 values a row.
+    /// Cumulated probability of texels within each row: width + 1 values a row.
     column_cdf: Vec<f32>,
 }
 
@@ -265,33 +265,25 @@ impl Map {
         let mut row_weights = vec![0.0f64; height];
         let mut column_cdf = Vec::with_capacity((width + 1) * height);
         let mut mean = [0.0f64; 3];
+        let mut solid_angle = 0.0;
         for y in 0..height {
-            let rows = [y.saturating_sub(1), y, (y + 1).min(height - 1)];
-            let solid_angle_share = 0.5 * (cos_of_row(y, height) - cos_of_row(y + 1, height)) / width as f64;
+            let sin = (PI * (y as f64 + 0.5) / height as f64).sin();
             let mut weights = vec![0.0f64; width];
             for x in 0..width {
-                let columns = [(x + width - 1) % width, x, (x + 1) % width];
-                // The mean of the bilinear lookup over this cell: whatever is brighter than 0 in the cell is found.
-                let mut cell = [0.0f64; 3];
-                for (j, row) in rows.into_iter().enumerate() {
-                    for (i, column) in columns.into_iter().enumerate() {
-                        let share = TENT_SHARES[i] * TENT_SHARES[j];
-                        for (sum, v) in cell.iter_mut().zip(texels.at(column, row)) {
-                            *sum += share * f64::from(v);
-                        }
-                    }
-                }
-                weights[x] = (cell[0] + cell[1] + cell[2]) * solid_angle_share;
+                let texel = texels.at(x, y).map(|v| f64::from(v) * sin);
+                weights[x] = texel[0] + texel[1] + texel[2];
                 row_weights[y] += weights[x];
-                for (sum, v) in mean.iter_mut().zip(cell) {
-                    *sum += v * solid_angle_share;
+                for (sum, v) in mean.iter_mut().zip(texel) {
+                    *sum += v;
                 }
+                solid_angle += sin;
             }
             push_cdf(&mut column_cdf, &weights);
         }
         let mut row_cdf = Vec::with_capacity(height + 1);
         push_cdf(&mut row_cdf, &row_weights);
-        (Self { texels, rotation, row_cdf, column_cdf }, Vec3::from_array(mean.map(|v| v as f32)))
+        let mean = Vec3::from_array(mean.map(|v| (v / solid_angle) as f32));
+        (Self { texels, rotation, row_cdf, column_cdf }, mean)
     }
 
     /// Position in the picture, both in \[0, 1): (column share, row share).
@@ -302,19 +294,25 @@ impl Map {
         (u.min(warp::ONE_MINUS_EPSILON), (polar / std::f32::consts::PI).clamp(0.0, warp::ONE_MINUS_EPSILON))
     }
 
-    fn radiance(&self, w: Vec3) -> Vec3 {
+    /// The four texels about a direction, as (column, row), and their bilinear weights. Columns wrap, rows are clamped.
+    fn footprint(&self, w: Vec3) -> [((usize, usize), f32); 4] {
         let Size { width, height } = self.texels.size();
         let (u, v) = self.uv(w);
         let (x, y) = (u * width as f32 - 0.5, v * height as f32 - 0.5);
         let (x0, y0) = (x.floor(), y.floor());
         let (fx, fy) = (x - x0, y - y0);
-        let column = |c: i64| c.rem_euclid(width as i64) as usize;
-        let row = |r: i64| r.clamp(0, height as i64 - 1) as usize;
-        let (x0, y0) = (x0 as i64, y0 as i64);
-        let at = |c, r| Vec3::from_array(self.texels.at(column(c), row(r)));
-        let upper = at(x0, y0).lerp(at(x0 + 1, y0), fx);
-        let lower = at(x0, y0 + 1).lerp(at(x0 + 1, y0 + 1), fx);
-        upper.lerp(lower, fy)
+        let columns = [x0 as i64, x0 as i64 + 1].map(|c| c.rem_euclid(width as i64) as usize);
+        let rows = [y0 as i64, y0 as i64 + 1].map(|r| r.clamp(0, height as i64 - 1) as usize);
+        [
+            ((columns[0], rows[0]), (1.0 - fx) * (1.0 - fy)),
+            ((columns[1], rows[0]), fx * (1.0 - fy)),
+            ((columns[0], rows[1]), (1.0 - fx) * fy),
+            ((columns[1], rows[1]), fx * fy),
+        ]
+    }
+
+    fn radiance(&self, w: Vec3) -> Vec3 {
+        self.footprint(w).into_iter().map(|((x, y), weight)| Vec3::from_array(self.texels.at(x, y)) * weight).sum()
     }
 
     fn columns_of_row(&self, row: usize) -> &[f32] {
@@ -322,37 +320,45 @@ impl Map {
         &self.column_cdf[row * stride..][..stride]
     }
 
+    /// Draws a texel by its power, then a place under its tent. The density in the picture is then the bilinear
+    /// interpolation of the texels' probabilities: it has the very shape of the lookup.
     fn sample(&self, u: Vec2) -> Vec3 {
         let Size { width, height } = self.texels.size();
-        let (row, v) = invert_cdf(&self.row_cdf, u.x);
-        let (column, s) = invert_cdf(self.columns_of_row(row), u.y);
-        // Within a cell directions are uniform in solid angle: in azimuth and in the cosine.
-        let (top, bottom) = (cos_of_row(row, height), cos_of_row(row + 1, height));
-        let cos = top + (bottom - top) * f64::from(v);
-        let sin = (1.0 - cos * cos).max(0.0).sqrt();
-        let azimuth = ((column as f64 + f64::from(s)) / width as f64 - 0.5) * TAU - f64::from(self.rotation);
+        let (row, s) = invert_cdf(&self.row_cdf, u.x);
+        let (column, t) = invert_cdf(self.columns_of_row(row), u.y);
+        let x = (column as f64 + 0.5 + tent(t)) / width as f64;
+        // Reflection at the poles keeps the density of the clamped lookup.
+        let y = ((row as f64 + 0.5 + tent(s)) / height as f64).abs();
+        let y = if y > 1.0 { 2.0 - y } else { y };
+        let (sin, cos) = (PI * y).sin_cos();
+        let azimuth = (x - 0.5) * TAU - f64::from(self.rotation);
         Vec3::new((sin * azimuth.sin()) as f32, cos as f32, (-sin * azimuth.cos()) as f32).normalize()
     }
 
     fn pdf(&self, w: Vec3) -> f32 {
         let Size { width, height } = self.texels.size();
-        let (u, v) = self.uv(w);
-        let column = ((u * width as f32) as usize).min(width - 1);
-        let row = ((v * height as f32) as usize).min(height - 1);
-        let columns = self.columns_of_row(row);
-        let probability =
-            f64::from(self.row_cdf[row + 1] - self.row_cdf[row]) * f64::from(columns[column + 1] - columns[column]);
-        let solid_angle = TAU / width as f64 * (cos_of_row(row, height) - cos_of_row(row + 1, height));
-        (probability / solid_angle) as f32
+        let probability: f32 = self
+            .footprint(w)
+            .into_iter()
+            .map(|((x, y), weight)| {
+                let columns = self.columns_of_row(y);
+                weight * (self.row_cdf[y + 1] - self.row_cdf[y]) * (columns[x + 1] - columns[x])
+            })
+            .sum();
+        // The picture's unit square covers 2 pi^2 sin steradians per area.
+        let sin = w.x.hypot(w.z).max(MIN_POLAR_SIN);
+        probability * (width * height) as f32 / (2.0 * std::f32::consts::PI * std::f32::consts::PI * sin)
     }
 }
 
-/// Shares of the texel before, at and after in the mean of a linear interpolation over one texel's width.
-const TENT_SHARES: [f64; 3] = [0.125, 0.75, 0.125];
+/// Sine of the polar angle below which directions count as the pole: the density of the picture's first row is
+/// infinite there.
+const MIN_POLAR_SIN: f32 = 1e-6;
 
-/// Cosine with the zenith of the upper edge of a row.
-fn cos_of_row(row: usize, height: usize) -> f64 {
-    (PI * row as f64 / height as f64).cos()
+/// A number in (-1, 1) with density 1 - |x|.
+fn tent(u: f32) -> f64 {
+    let u = f64::from(u);
+    if u < 0.5 { (2.0 * u).sqrt() - 1.0 } else { 1.0 - (2.0 * (1.0 - u)).sqrt() }
 }
 
 /// Appends the cumulated shares of `weights`, from 0 to 1; even shares where all are 0.
@@ -384,4 +390,189 @@ fn about(axis: Vec3, local: Vec3) -> Vec3 {
 
 fn non_negative(radiance: Vec3) -> Vec3 {
     Vec3::from_array(radiance.to_array().map(|v| if v > 0.0 && v.is_finite() { v } else { 0.0 }))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sampler::Sampler;
+    use crate::testing::{Noise, SphereDomain, assert_chi_squared};
+
+    fn random_map(width: usize, height: usize, contrast: f32) -> Plane<Rgb> {
+        let mut noise = Noise::new(31);
+        Plane::from_fn(Size::new(width, height), |_, _| {
+            [1.0, 0.7, 0.4].map(|tint| tint * contrast.powf(noise.next()) / contrast)
+        })
+    }
+
+    /// One bright texel in the dark: bilinear lookup spreads it over its neighbours.
+    fn one_bright_texel(width: usize, height: usize, x: usize, y: usize) -> Plane<Rgb> {
+        let mut map = Plane::filled(Size::new(width, height), [0.0; 3]);
+        map.set(x, y, [100.0; 3]);
+        map
+    }
+
+    /// Integral over the sphere, by a midpoint rule in cos and azimuth.
+    fn integral(n: usize, f: impl Fn(Vec3) -> Vec3) -> Vec3 {
+        let mut sum = glam::DVec3::ZERO;
+        for i in 0..n {
+            let cos = 1.0 - 2.0 * (i as f64 + 0.5) / n as f64;
+            let sin = (1.0 - cos * cos).sqrt();
+            for j in 0..2 * n {
+                let phi = TAU * (j as f64 + 0.5) / (2 * n) as f64;
+                let w = Vec3::new((sin * phi.sin()) as f32, cos as f32, (sin * phi.cos()) as f32);
+                sum += f(w).as_dvec3();
+            }
+        }
+        (sum * (2.0 * TAU / (2 * n * n) as f64)).as_vec3()
+    }
+
+    #[test]
+    fn directions_find_their_place_in_the_picture() {
+        // 8 x 4; texel centres are looked up exactly.
+        let map = Plane::from_fn(Size::new(8, 4), |x, y| [x as f32, y as f32, 1.0]);
+        let environment = Environment::map(map.clone(), 0.0, 1.0).unwrap();
+        let at = |u: f32, v: f32| {
+            let (azimuth, polar) = ((u - 0.5) * 2.0 * std::f32::consts::PI, v * std::f32::consts::PI);
+            Vec3::new(polar.sin() * azimuth.sin(), polar.cos(), -polar.sin() * azimuth.cos())
+        };
+        for (x, y) in [(0, 0), (3, 1), (7, 3)] {
+            let w = at((x as f32 + 0.5) / 8.0, (y as f32 + 0.5) / 4.0);
+            assert!(environment.radiance(w).abs_diff_eq(Vec3::new(x as f32, y as f32, 1.0), 1e-4));
+        }
+        // -z lies between columns 3 and 4, rows 1 and 2; +x two columns to the right of it.
+        assert!(environment.radiance(-Vec3::Z).abs_diff_eq(Vec3::new(3.5, 1.5, 1.0), 1e-4));
+        assert!(environment.radiance(Vec3::X).abs_diff_eq(Vec3::new(5.5, 1.5, 1.0), 1e-4));
+        // The seam is a mean of the last and the first column; the poles are clamped.
+        assert!(environment.radiance(Vec3::Z).abs_diff_eq(Vec3::new(3.5, 1.5, 1.0), 1e-4));
+        assert!((environment.radiance(Vec3::Y).y, environment.radiance(-Vec3::Y).y) == (0.0, 3.0));
+        // A quarter turn moves the picture by two columns; strength scales.
+        let turned = Environment::map(map, std::f32::consts::FRAC_PI_2, 2.0).unwrap();
+        assert!(turned.radiance(-Vec3::Z).abs_diff_eq(2.0 * Vec3::new(5.5, 1.5, 1.0), 1e-4));
+    }
+
+    #[test]
+    fn samples_follow_their_density() {
+        let mut noise = Noise::new(32);
+        for (size, rotation) in [((12, 6), 0.0), ((5, 9), 0.9), ((3, 4), -4.0)] {
+            let environment = Environment::map(random_map(size.0, size.1, 8.0), rotation, 1.0).unwrap();
+            assert_chi_squared(
+                &format!("environment map of {size:?}"),
+                &SphereDomain::around(noise.direction()),
+                |w| environment.pdf(Vec3::ZERO, w),
+                |u| environment.sample(Vec3::ZERO, Vec2::new(u.x, u.y)).map(|s| s.wi),
+            );
+        }
+        let normal = Vec3::new(0.6, 0.0, 0.8);
+        let constant = Environment::constant(Vec3::ONE);
+        for normal in [normal, Vec3::ZERO] {
+            assert_chi_squared(
+                "constant environment",
+                &SphereDomain::around(Vec3::new(0.6, 0.0, 0.8)),
+                |w| constant.pdf(normal, w),
+                |u| constant.sample(normal, Vec2::new(u.x, u.y)).map(|s| s.wi),
+            );
+        }
+    }
+
+    #[test]
+    fn sampling_is_unbiased_for_the_bilinear_lookup() {
+        let sky = Sky {
+            zenith: Vec3::new(0.2, 0.4, 1.0),
+            horizon: Vec3::splat(0.8),
+            ground: Vec3::splat(0.1),
+            sun_direction: Vec3::new(1.0, 1.0, 0.3),
+            sun_radiance: Vec3::splat(50.0),
+            sun_angular_radius: 0.2,
+        };
+        let environments = [
+            ("random", Environment::map(random_map(12, 6, 30.0), 1.0, 1.0).unwrap(), 3.0),
+            ("single row", Environment::map(random_map(3, 1, 5.0), 0.0, 1.0).unwrap(), 4.0),
+            ("one texel", Environment::map(one_bright_texel(16, 8, 5, 2), 0.0, 1.0).unwrap(), 3.0),
+            ("texel at the seam", Environment::map(one_bright_texel(16, 8, 0, 4), 0.3, 1.0).unwrap(), 3.0),
+            ("texel at the pole", Environment::map(one_bright_texel(16, 8, 3, 0), 0.0, 1.0).unwrap(), 4.0),
+            ("sky", Environment::sky(&sky), 20.0),
+        ];
+        // Integrands that see where light comes from, not only how much.
+        let tests: [fn(Vec3) -> f32; 3] = [|_| 1.0, |w| w.x.max(0.0), |w| w.y * w.y];
+        for (name, environment, largest_weight) in &environments {
+            for f in tests {
+                let n = 1 << 15;
+                let mut sum = glam::DVec3::ZERO;
+                for i in 0..n {
+                    let u = Sampler::new((2, 3), 0, i, 5).next_2d();
+                    let s = environment.sample(Vec3::ZERO, u).unwrap();
+                    assert_eq!(s.pdf, environment.pdf(Vec3::ZERO, s.wi));
+                    let weight = s.radiance / s.pdf;
+                    sum += (weight * f(s.wi)).as_dvec3();
+                    // No sample is much brighter than the mean: fireflies would come from pdf and lookup differing.
+                    let mean = environment.mean_radiance().max_element() * 4.0 * std::f32::consts::PI;
+                    assert!(weight.max_element() <= largest_weight * mean, "{name}: {weight} against {mean}");
+                }
+                let ours = (sum / f64::from(n)).as_vec3();
+                let expected = integral(400, |w| environment.radiance(w) * f(w));
+                assert!(
+                    (ours - expected).abs().max_element() < 0.01 * expected.max_element() + 1e-4,
+                    "{name}: {ours} against {expected}"
+                );
+            }
+            // An estimate over texel centres; at the poles and for a single row it is rough.
+            let mean = integral(400, |w| environment.radiance(w)) / (4.0 * std::f32::consts::PI);
+            assert!(
+                matches!(*name, "texel at the pole" | "single row")
+                    || (mean - environment.mean_radiance()).abs().max_element() < 0.05 * mean.max_element(),
+                "{name}: {mean}"
+            );
+        }
+    }
+
+    #[test]
+    fn whatever_shines_can_be_found() {
+        let mut noise = Noise::new(33);
+        for (x, y) in [(0, 0), (15, 3), (7, 7)] {
+            let environment = Environment::map(one_bright_texel(16, 8, x, y), 0.7, 1.0).unwrap();
+            for _ in 0..20_000 {
+                let w = noise.direction();
+                let lit = environment.radiance(w).max_element();
+                // Below this the lookup's own rounding decides on which side of a cell's edge the direction lies.
+                assert!(lit < 1e-3 || environment.pdf(Vec3::ZERO, w) > 0.0, "{lit} from {w}");
+            }
+        }
+    }
+
+    #[test]
+    fn the_sun_gives_its_irradiance() {
+        let sky = Sky {
+            zenith: Vec3::ZERO,
+            horizon: Vec3::ZERO,
+            ground: Vec3::ZERO,
+            sun_direction: Vec3::Y,
+            sun_radiance: Vec3::splat(1e5),
+            sun_angular_radius: 0.00465,
+        };
+        let environment = Environment::sky(&sky);
+        let n = 4096;
+        let irradiance: f64 = (0..n)
+            .filter_map(|i| environment.sample(Vec3::ZERO, Sampler::new((0, 0), 0, i, 0).next_2d()))
+            .map(|s| f64::from(s.radiance.x * s.wi.y.max(0.0) / s.pdf) / f64::from(n))
+            .sum();
+        // pi sin^2 of the radius.
+        let expected = 1e5 * PI * 0.00465f64.sin().powi(2);
+        assert!((irradiance / expected - 1.0).abs() < 2e-3, "{irradiance} {expected}");
+    }
+
+    #[test]
+    fn bad_maps_are_refused_by_name() {
+        let mut map = random_map(4, 2, 2.0);
+        map.set(3, 1, [1.0, f32::NAN, 0.0]);
+        let error = Environment::map(map, 0.0, 1.0).unwrap_err();
+        assert!(error.to_string().contains("column 3, row 1"), "{error}");
+        let empty = Plane::filled(Size::new(0, 3), [0.0; 3]);
+        assert!(matches!(Environment::map(empty, 0.0, 1.0), Err(EnvironmentError::Empty { .. })));
+        let strength = Environment::map(random_map(2, 2, 2.0), 0.0, -1.0);
+        assert!(matches!(strength, Err(EnvironmentError::Strength { .. })));
+        // Darkness is no error, and is not sampled.
+        let dark = Environment::map(random_map(2, 2, 2.0), 0.0, 0.0).unwrap();
+        assert!(dark.sample(Vec3::Y, Vec2::splat(0.5)).is_none() && dark.pdf(Vec3::Y, Vec3::Y) == 0.0);
+    }
 }

@@ -364,3 +364,6 @@ fn bounds_of(emitter: &Emitter) -> Option<LightBounds> {
         && !bounds.emission.is_nan();
     finite.then_some(bounds)
 }
+
+#[cfg(test)]
+mod tests;

@@ -57,48 +57,123 @@ impl LightBounds {
         // The squared diagonal, not the surface: lights in a row have no surface, but it matters where to cut them.
         self.intensity * directions * (self.high - self.low).length_squared()
     }
+}
+
+/// What the descent reads of a group of emitters: its bounds with the trigonometry done.
+#[derive(Clone, Copy, Debug)]
+struct Group {
+    low: Vec3,
+    high: Vec3,
+    axis: Vec3,
+    sin_spread: f32,
+    cos_spread: f32,
+    cos_emission: f32,
+    two_sided: bool,
+    intensity: f32,
+}
+
+impl Group {
+    fn new(bounds: &LightBounds) -> Self {
+        let (sin_spread, cos_spread) = bounds.spread.sin_cos();
+        Self {
+            low: bounds.low,
+            high: bounds.high,
+            axis: bounds.axis,
+            sin_spread,
+            cos_spread,
+            cos_emission: bounds.emission.cos(),
+            two_sided: bounds.two_sided,
+            intensity: bounds.intensity,
+        }
+    }
+
+    fn centre(&self) -> Vec3 {
+        0.5 * (self.low + self.high)
+    }
 
     /// Estimated irradiance at a point with a normal (0: any side); 0 only where none is possible.
+    ///
+    /// Conty Estevez and Kulla use the largest cosines that the bounding sphere allows. These overrate far groups so
+    /// much that near lamps get a small part of the samples: under a ceiling of 10 000 lamps the deviation of one
+    /// sample was 7 times the mean. Here the bound decides only where light is possible; the estimate comes from two
+    /// points, the centre and the nearest point of the box.
     #[inline]
     fn irradiance(&self, point: Vec3, normal: Vec3) -> f32 {
+        let bound = self.irradiance_bound(point, normal);
+        if bound <= 0.0 {
+            return 0.0;
+        }
+        let diagonal2 = (self.high - self.low).length_squared();
+        if diagonal2 <= 0.0 {
+            return bound;
+        }
+        let typical = self.cosines(self.centre() - point, normal, 0.25 * diagonal2);
+        // Of the whole group about the share (distance / diagonal)^2 lies as near as the nearest point.
+        let nearest = self.cosines(point.clamp(self.low, self.high) - point, normal, diagonal2);
+        self.intensity * (typical + nearest) + BOUND_SHARE * bound
+    }
+
+    /// Product of the cosines at the lights and at the receiver over the squared distance, which is at least `least2`,
+    /// as if all lights were at `to_light` from the receiver.
+    #[inline]
+    fn cosines(&self, to_light: Vec3, normal: Vec3, least2: f32) -> f32 {
+        let distance2 = to_light.length_squared();
+        if distance2 < f32::MIN_POSITIVE {
+            return 1.0 / least2;
+        }
+        let to_light = to_light / distance2.sqrt();
+        let (_, cos_light) = self.angle_to_cone(to_light);
+        let cos_light = if cos_light > self.cos_emission { cos_light.max(0.0) } else { 0.0 };
+        let cos_receiver = if normal == Vec3::ZERO { 1.0 } else { normal.dot(to_light).max(0.0) };
+        cos_light * cos_receiver / distance2.max(least2)
+    }
+
+    /// Sine and cosine of the smallest angle between a light's normal and the way to the receiver.
+    #[inline]
+    fn angle_to_cone(&self, to_light: Vec3) -> (f32, f32) {
+        let mut cos = -self.axis.dot(to_light);
+        if self.two_sided {
+            cos = cos.abs();
+        }
+        let sin = (1.0 - cos * cos).max(0.0).sqrt();
+        angle_difference(sin, cos, self.sin_spread, self.cos_spread)
+    }
+
+    /// Irradiance with the largest cosines that the bounding sphere allows; 0 only where none is possible.
+    #[inline]
+    fn irradiance_bound(&self, point: Vec3, normal: Vec3) -> f32 {
         let to_centre = self.centre() - point;
         let distance2 = to_centre.length_squared();
         let radius2 = 0.25 * (self.high - self.low).length_squared();
-        let nearest2 = distance2.max(radius2).max(f32::MIN_POSITIVE);
         if distance2 <= radius2 || distance2 < f32::MIN_POSITIVE {
             // Inside the bounding sphere: any direction is possible.
-            return self.intensity / nearest2;
+            return self.intensity / radius2.max(f32::MIN_POSITIVE);
         }
         let to_light = to_centre / distance2.sqrt();
         // Half angle under which the bounding sphere appears.
         let sin_b = (radius2 / distance2).sqrt();
         let cos_b = (1.0 - radius2 / distance2).max(0.0).sqrt();
-
-        let mut cos_w = -self.axis.dot(to_light);
-        if self.two_sided {
-            cos_w = cos_w.abs();
-        }
-        let sin_w = (1.0 - cos_w * cos_w).max(0.0).sqrt();
-        let (sin_o, cos_o) = self.spread.sin_cos();
-        // Smallest possible angle between an emitter's normal and the direction to the point.
-        let (sin_x, cos_x) = angle_difference(sin_w, cos_w, sin_o, cos_o);
-        let (_, cos_emission) = angle_difference(sin_x, cos_x, sin_b, cos_b);
-        if cos_emission <= self.emission.cos() - CONE_SLACK {
+        let (sin_x, cos_x) = self.angle_to_cone(to_light);
+        let (_, cos_light) = angle_difference(sin_x, cos_x, sin_b, cos_b);
+        if cos_light <= self.cos_emission - CONE_SLACK {
             return 0.0;
         }
-        let mut irradiance = self.intensity * cos_emission.max(CONE_SLACK) / nearest2;
+        let mut irradiance = self.intensity * cos_light.max(CONE_SLACK) / distance2;
         if normal != Vec3::ZERO {
             let cos_n = normal.dot(to_light);
             let sin_n = (1.0 - cos_n * cos_n).max(0.0).sqrt();
-            let (_, cos_incident) = angle_difference(sin_n, cos_n, sin_b, cos_b);
-            if cos_incident <= -CONE_SLACK {
+            let (_, cos_receiver) = angle_difference(sin_n, cos_n, sin_b, cos_b);
+            if cos_receiver <= -CONE_SLACK {
                 return 0.0;
             }
-            irradiance *= cos_incident.max(CONE_SLACK);
+            irradiance *= cos_receiver.max(CONE_SLACK);
         }
         irradiance
     }
 }
+
+/// Part of the bound that enters the estimate, for lights that both points miss (half below the horizon, say).
+const BOUND_SHARE: f32 = 0.02;
 
 /// Rounding of the cones in single precision: within it, light is assumed to be possible.
 const CONE_SLACK: f32 = 1e-5;
@@ -139,7 +214,7 @@ enum Link {
 
 #[derive(Clone, Copy, Debug)]
 struct Node {
-    bounds: LightBounds,
+    group: Group,
     link: Link,
 }
 
@@ -177,30 +252,32 @@ impl LightTree {
         self.nodes.is_empty()
     }
 
-    /// Builds the subtree of `group`; nodes lie in the order of a walk.
-    fn build(&mut self, group: &mut [(usize, LightBounds)], trail: Trail) {
+    /// Builds the subtree of `emitters` and returns its bounds; nodes lie in the order of a walk.
+    fn build(&mut self, emitters: &mut [(usize, LightBounds)], trail: Trail) -> LightBounds {
         let place = self.nodes.len();
-        if let [(emitter, bounds)] = group {
-            self.nodes.push(Node { bounds: *bounds, link: Link::Emitter(*emitter as u32) });
+        let own = emitters[0].1;
+        if let [(emitter, bounds)] = emitters {
+            self.nodes.push(Node { group: Group::new(bounds), link: Link::Emitter(*emitter as u32) });
             self.trails[*emitter] = Some(trail);
-            return;
+            return own;
         }
-        let middle = if trail.depth < HALVING_DEPTH { cheapest_cut(group) } else { None };
-        let middle = middle.unwrap_or_else(|| halve(group));
-        let (first, second) = group.split_at_mut(middle);
+        let middle = if trail.depth < HALVING_DEPTH { cheapest_cut(emitters) } else { None };
+        let middle = middle.unwrap_or_else(|| halve(emitters));
+        let (first, second) = emitters.split_at_mut(middle);
         let depth = trail.depth + 1;
-        // The bounds follow when both children are known.
-        self.nodes.push(Node { bounds: first[0].1, link: Link::Children(0) });
-        self.build(first, Trail { bits: trail.bits, depth });
+        // A placeholder until both children are known.
+        self.nodes.push(Node { group: Group::new(&own), link: Link::Children(0) });
+        let first_bounds = self.build(first, Trail { bits: trail.bits, depth });
         let second_place = self.nodes.len();
-        self.build(second, Trail { bits: trail.bits | (1 << trail.depth), depth });
-        let bounds = self.nodes[place + 1].bounds.union(&self.nodes[second_place].bounds);
-        self.nodes[place] = Node { bounds, link: Link::Children(second_place as u32) };
+        let second_bounds = self.build(second, Trail { bits: trail.bits | (1 << trail.depth), depth });
+        let bounds = first_bounds.union(&second_bounds);
+        self.nodes[place] = Node { group: Group::new(&bounds), link: Link::Children(second_place as u32) };
+        bounds
     }
 
     /// Estimated irradiance of all emitters at a point; 0 only where none can shine.
     pub(crate) fn irradiance(&self, point: Vec3, normal: Vec3) -> f32 {
-        self.nodes.first().map_or(0.0, |root| root.bounds.irradiance(point, normal))
+        self.nodes.first().map_or(0.0, |root| root.group.irradiance(point, normal))
     }
 
     fn can_shine(&self, point: Vec3, normal: Vec3) -> bool {
@@ -210,8 +287,8 @@ impl LightTree {
     /// Probability of the first child, `None` where neither can shine.
     #[inline]
     fn first_probability(&self, first: usize, second: usize, point: Vec3, normal: Vec3) -> Option<f32> {
-        let a = self.nodes[first].bounds.irradiance(point, normal);
-        let b = self.nodes[second].bounds.irradiance(point, normal);
+        let a = self.nodes[first].group.irradiance(point, normal);
+        let b = self.nodes[second].group.irradiance(point, normal);
         let total = a + b;
         if total > 0.0 {
             // Infinite estimates (a point on a light) share evenly.

@@ -45,6 +45,12 @@ impl TriangleView {
         (solid_angle > 0.0).then_some(Self { vertices, cross, directions, solid_angle })
     }
 
+    /// Steradians that the triangle covers.
+    #[cfg(test)]
+    pub(crate) fn solid_angle(&self) -> f64 {
+        self.solid_angle
+    }
+
     fn is_spherical(&self) -> bool {
         (MIN_SPHERICAL_SOLID_ANGLE..=MAX_SPHERICAL_SOLID_ANGLE).contains(&self.solid_angle)
     }
