@@ -1,6 +1,7 @@
 //! Scenes made by code. Each stresses one thing; each has cameras 1 to 5 on different paths.
 
 mod cornell_box;
+mod glossy_room;
 
 use crate::scene::{Scene, SceneError};
 
@@ -26,8 +27,10 @@ struct Builtin {
     source: &'static str,
 }
 
-const BUILTIN: &[Builtin] =
-    &[Builtin { info: cornell_box::INFO, build: cornell_box::build, source: include_str!("cornell_box.rs") }];
+const BUILTIN: &[Builtin] = &[
+    Builtin { info: cornell_box::INFO, build: cornell_box::build, source: include_str!("cornell_box.rs") },
+    Builtin { info: glossy_room::INFO, build: glossy_room::build, source: include_str!("glossy_room.rs") },
+];
 
 /// What all built-in scenes are made with: a change there changes them.
 const SHARED_SOURCES: [&str; 2] = [include_str!("../shapes.rs"), include_str!("../pattern.rs")];
