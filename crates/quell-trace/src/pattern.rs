@@ -136,8 +136,8 @@ impl Pattern {
                 material.roughness = (material.roughness * (0.85 + 0.3 * tone) + 0.06 * grain).clamp(0.0, 1.0);
                 let gap = Vec2::new(0.012, 0.012 * cells.y / cells.x);
                 if inside.x < gap.x || inside.y < gap.y {
+                    // Lacquer fills the gaps: they are dark, but reflect as the boards do.
                     material.base_color = dark * 0.35;
-                    material.roughness = 0.8;
                 }
             }
             Self::Picture { colors, seed } => {
