@@ -292,3 +292,50 @@ fn html(
 
 /// Where the caller names no rate.
 const DEFAULT_FPS: f64 = 12.0;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn noise(size: Size, seed: u32) -> Picture {
+        let mut state = seed;
+        let mut next = || {
+            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            (state >> 24) as u8
+        };
+        Picture { size, rgb: (0..3 * size.pixels()).map(|_| next()).collect() }
+    }
+
+    #[test]
+    fn a_page_that_is_too_large_leaves_out_frames_then_parts_and_says_so() {
+        let size = Size::new(64, 48);
+        let data = PlayerData {
+            frame_numbers: (0..32).collect(),
+            sequences: vec![PlayerSequence {
+                name: "noisy".to_owned(),
+                pictures: (0..32).map(|i| Some(noise(size, i))).collect(),
+                ..PlayerSequence::default()
+            }],
+            ..PlayerData::default()
+        };
+        let (whole, reduced) = page(&data, MAX_BYTES).unwrap();
+        assert_eq!(reduced, None);
+        let pictures = |page: &str| page.matches("iVBORw0KGgo").count();
+        assert_eq!(pictures(&whole), 32);
+        let fixed = html(&data, size, &[], &[], None).unwrap().len();
+
+        // Half of the pictures' room: every other frame, the last among them.
+        let limit = fixed + (whole.len() - fixed) * 6 / 10;
+        let (half, reduced) = page(&data, limit).unwrap();
+        assert!(half.len() <= limit && pictures(&half) == 16, "{}", pictures(&half));
+        assert!(reduced.unwrap().contains("16 of 32 frames") && half.contains("29,31]"));
+
+        // A twentieth: eight frames, and a part from the middle.
+        let limit = fixed + (whole.len() - fixed) / 20;
+        let (small, reduced) = page(&data, limit).unwrap();
+        let reduced = reduced.unwrap();
+        assert!(small.len() <= limit && pictures(&small) == 8, "{} {}", small.len(), pictures(&small));
+        assert!(reduced.contains("8 of 32 frames") && reduced.contains("of 64x48 pixels"), "{reduced}");
+        assert!(matches!(page(&data, 1000), Err(Error::Encode { .. })));
+    }
+}

@@ -1,4 +1,4 @@
-"""Numbers of tests/metrics.rs from independent implementations.
+"""Numbers of tests/main/metrics.rs from independent implementations.
 
 FLIP and HDR-FLIP: the authors' own program (PyPI `flip-evaluator`); relMSE and PSNR: numpy, from the definitions.
 Pictures are made by formula, the same in the test. Run: python flip_reference.py

@@ -1,3 +1,5 @@
 //! Tests of the lab that need more than one module: independent implementations, the browser.
 
+mod browser;
 mod metrics;
+mod player;

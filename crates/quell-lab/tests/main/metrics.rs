@@ -1,4 +1,4 @@
-//! Metrics against independent implementations: the numbers are printed by `scripts/flip_reference.py`, which makes
+//! Metrics against independent implementations: the numbers are printed by `tests/scripts/flip_reference.py`, which makes
 //! the same pictures by the same formulas.
 
 use quell::{Plane, Rgb, Size};
