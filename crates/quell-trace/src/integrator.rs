@@ -336,7 +336,12 @@ impl Integrator<'_, '_> {
     ) -> Incoming {
         let mut sampler = sampler.fork(Domain::Glossy as u32);
         let Some(sample) = bsdf.sample_glossy(sampler.next_2d()) else {
-            return Incoming { radiance: Vec3::ZERO, distance: 0.0 };
+            // Below the horizon: no light. The distance must not say so, or filters sized by it would treat dark
+            // samples differently from bright ones, which is bias: it is that of the lobe's middle.
+            let mirror = bsdf.mirror_direction();
+            rays.closest += 1;
+            let distance = self.world.geometry.closest(point.ray_origin(mirror), mirror).map_or(f32::INFINITY, |h| h.t);
+            return Incoming { radiance: Vec3::ZERO, distance };
         };
         let seen = Seen::Share(lamp_share_of_glossy(point.material.roughness));
         let mut incoming =
