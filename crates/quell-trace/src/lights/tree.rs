@@ -371,16 +371,21 @@ fn cheapest_cut(group: &mut [(usize, LightBounds)]) -> Option<usize> {
             let slot = &mut buckets[bucket_of(bounds, axis)];
             *slot = Some(slot.map_or(*bounds, |b| b.union(bounds)));
         }
-        let join = |a: Option<LightBounds>, b: &Option<LightBounds>| match (a, b) {
-            (Some(a), Some(b)) => Some(a.union(b)),
-            (a, b) => a.or(*b),
+        let join = |a: Option<LightBounds>, b: Option<LightBounds>| match (a, b) {
+            (Some(a), Some(b)) => Some(a.union(&b)),
+            (a, b) => a.or(b),
         };
+        // What lies at and after each bucket.
+        let mut after = buckets;
+        for i in (0..BUCKETS - 1).rev() {
+            after[i] = join(buckets[i], after[i + 1]);
+        }
         // Long thin boxes are cut across their length.
         let elongation = extent.max_element() / extent[axis];
+        let mut before = None;
         for cut in 1..BUCKETS {
-            let before = buckets[..cut].iter().fold(None, join);
-            let after = buckets[cut..].iter().fold(None, join);
-            if let (Some(before), Some(after)) = (before, after) {
+            before = join(before, buckets[cut - 1]);
+            if let (Some(before), Some(after)) = (before, after[cut]) {
                 let cost = elongation * (before.cost() + after.cost());
                 if best.is_none_or(|(least, _, _)| cost < least) {
                     best = Some((cost, axis, cut));
