@@ -2,7 +2,7 @@
 //!
 //! | what | reset when |
 //! |---|---|
-//! | matte history, its length | a cut; `Denoiser::reset`; the signal, its passes or the stage's switch come or go |
+//! | matte history, its length | a cut; `Denoiser::reset`; the signal, its passes (by name and order) or the stage's switch come or go |
 //! | glossy history, its length | likewise |
 //! | direct history | a cut; `Denoiser::reset`; a frame without jitter |
 //! | guides of the frame before | a cut; `Denoiser::reset` |
@@ -31,7 +31,7 @@ pub struct Validity {
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Ledger {
     last_index: Option<i64>,
-    passes: [usize; 2],
+    passes: [u64; 2],
     left: Validity,
 }
 
@@ -42,7 +42,7 @@ impl Ledger {
         if !consecutive {
             return Validity::default();
         }
-        let same = |signal: Signal| passes_of(frame, signal) == self.passes[signal as usize];
+        let same = |signal: Signal| passes_key(frame, signal) == self.passes[signal as usize];
         Validity {
             matte: self.left.matte && same(Signal::Matte),
             glossy: self.left.glossy && same(Signal::Glossy),
@@ -53,7 +53,7 @@ impl Ledger {
     /// Notes what this frame leaves behind.
     pub fn close(&mut self, frame: &Frame<'_>, plan: &Plan) {
         self.last_index = Some(frame.index);
-        self.passes = Signal::ALL.map(|s| passes_of(frame, s));
+        self.passes = Signal::ALL.map(|s| passes_key(frame, s));
         self.left = Validity {
             matte: plan.matte_feedback.is_some(),
             glossy: plan.glossy_feedback.is_some(),
@@ -67,9 +67,14 @@ impl Ledger {
     }
 }
 
-/// Number of passes tied to a signal.
-pub fn passes_of(frame: &Frame<'_>, signal: Signal) -> usize {
-    frame.passes.iter().filter(|p| p.signal == signal).count()
+/// The passes tied to a signal, their names in order, as one number (FNV-1a): comparing it allocates nothing.
+fn passes_key(frame: &Frame<'_>, signal: Signal) -> u64 {
+    const BASIS: u64 = 0xcbf2_9ce4_8422_2325;
+    const PRIME: u64 = 0x0000_0100_0000_01b3;
+    let names = frame.passes.iter().filter(|p| p.signal == signal).map(|p| p.name);
+    // A byte that UTF-8 never has ends every name.
+    let bytes = names.flat_map(|name| name.bytes().chain(std::iter::once(0xff)));
+    bytes.fold(BASIS, |key, byte| (key ^ u64::from(byte)).wrapping_mul(PRIME))
 }
 
 /// A plan and what it was made from, so that it is made anew only when that changes.

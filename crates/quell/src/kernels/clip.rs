@@ -57,8 +57,17 @@ impl ColourBox {
     }
 }
 
+/// Values under this share of what they would be scaled to say nothing of how passes share it: the quotient of two
+/// numbers so far apart amplifies rounding, and overflows where history has faded to almost 0.
+const LEAST_SHARE: f32 = 1e-9;
+
+#[inline(always)]
+fn tells_shares(value: f32, target: f32) -> bool {
+    value.abs() > LEAST_SHARE * target.abs()
+}
+
 /// How one channel of a joint pass's history follows the clamp of the beauty's: by the same ratio; where the beauty's
-/// history is 0, the clamped value is shared out as the current signal is.
+/// history is next to 0, the clamped value is shared out as the current signal is.
 ///
 /// `pass`, `history`, `clamped`: histories of the pass and of the beauty before and after the clamp; `pass_now`,
 /// `now`: the current signals.
@@ -66,9 +75,9 @@ impl ColourBox {
 pub fn follow(pass: f32, history: f32, clamped: f32, pass_now: f32, now: f32) -> f32 {
     if clamped == history {
         pass
-    } else if history != 0.0 {
+    } else if tells_shares(history, clamped) {
         pass * (clamped / history)
-    } else if now != 0.0 {
+    } else if tells_shares(now, clamped) {
         clamped * (pass_now / now)
     } else {
         0.0
@@ -78,7 +87,7 @@ pub fn follow(pass: f32, history: f32, clamped: f32, pass_now: f32, now: f32) ->
 /// The clamped beauty, with 0 where neither history nor the current signal says how passes would share a value.
 #[inline(always)]
 pub fn shareable(history: f32, clamped: f32, now: f32) -> f32 {
-    if history == 0.0 && now == 0.0 { 0.0 } else { clamped }
+    if clamped == history || tells_shares(history, clamped) || tells_shares(now, clamped) { clamped } else { 0.0 }
 }
 
 #[cfg(test)]
@@ -99,10 +108,18 @@ mod tests {
 
     #[test]
     fn passes_follow_the_clamp_and_still_add_up() {
-        for (history, clamped, now) in [(2.0, 1.0, 0.7), (0.0, 0.5, 2.0), (0.0, 0.5, 0.0), (1.0, 1.0, 0.0)] {
+        for (history, clamped, now) in [
+            (2.0, 1.0, 0.7),
+            (0.0, 0.5, 2.0),
+            (0.0, 0.5, 0.0),
+            (1.0, 1.0, 0.0),
+            (1e-40, 0.5, 2.0),
+            (3e-44, 3e30, 1e-44),
+        ] {
             let clamped = shareable(history, clamped, now);
             let sum: f32 = [0.25, 0.75].iter().map(|s| follow(s * history, history, clamped, s * now, now)).sum();
             assert!((sum - clamped).abs() < 1e-6, "{history} {clamped} {now}: {sum}");
+            assert!(follow(0.0, history, clamped, 0.0, now).is_finite());
         }
     }
 }
