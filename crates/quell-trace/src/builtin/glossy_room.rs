@@ -61,8 +61,10 @@ fn walls(scene: &mut Scene) {
         Material { ior: 1.7, ..plain(rgb(0.42, 0.22, 0.11), 0.16) },
         Pattern::Planks { dark: rgb(0.16, 0.075, 0.035), cells: Vec2::new(30.0, 2.6) },
     ));
-    let plaster = scene
-        .surface(painted(plain(rgb(0.80, 0.77, 0.71), 0.9), Pattern::Mottled { other: rgb(0.74, 0.71, 0.66), scale: 2.5 }));
+    let plaster = scene.surface(painted(
+        plain(rgb(0.80, 0.77, 0.71), 0.9),
+        Pattern::Mottled { other: rgb(0.74, 0.71, 0.66), scale: 2.5 },
+    ));
     let teal = scene.surface(painted(
         plain(rgb(0.12, 0.36, 0.37), 0.75),
         Pattern::Mottled { other: rgb(0.085, 0.29, 0.31), scale: 3.0 },
@@ -78,10 +80,10 @@ fn walls(scene: &mut Scene) {
         },
     ));
     let white = scene.surface(plain(rgb(0.78, 0.77, 0.74), 0.45));
-    let beam = scene.surface(painted(plain(rgb(0.33, 0.18, 0.09), 0.6), Pattern::Wood {
-        dark: rgb(0.14, 0.065, 0.03),
-        rings: 14.0,
-    }));
+    let beam = scene.surface(painted(
+        plain(rgb(0.33, 0.18, 0.09), 0.6),
+        Pattern::Wood { dark: rgb(0.14, 0.065, 0.03), rings: 14.0 },
+    ));
 
     scene.place(quad(Vec3::new(-X, 0.0, Z), x * 2.0 * X, -z * 2.0 * Z), floor);
     scene.place(quad(Vec3::new(-X, Y, -Z), x * 2.0 * X, z * 2.0 * Z), plaster);
@@ -105,9 +107,7 @@ fn walls(scene: &mut Scene) {
         plaster,
     );
     let (zm, ym) = (0.5 * (z0 + z1), y0 + 0.62 * (y1 - y0));
-    let bar = |za: f32, zb: f32, ya: f32, yb: f32| {
-        cuboid(Vec3::new(X + 0.12, ya, za), Vec3::new(X + 0.17, yb, zb))
-    };
+    let bar = |za: f32, zb: f32, ya: f32, yb: f32| cuboid(Vec3::new(X + 0.12, ya, za), Vec3::new(X + 0.17, yb, zb));
     scene.place(
         merge(&[
             bar(z0, z0 + 0.06, y0, y1),
@@ -180,10 +180,10 @@ fn armchair(scene: &mut Scene) {
         plain(rgb(0.66, 0.36, 0.055), 0.95),
         Pattern::Mottled { other: rgb(0.56, 0.28, 0.04), scale: 9.0 },
     ));
-    let wood = scene.surface(painted(plain(rgb(0.28, 0.14, 0.065), 0.4), Pattern::Wood {
-        dark: rgb(0.12, 0.055, 0.025),
-        rings: 25.0,
-    }));
+    let wood = scene.surface(painted(
+        plain(rgb(0.28, 0.14, 0.065), 0.4),
+        Pattern::Wood { dark: rgb(0.12, 0.055, 0.025), rings: 25.0 },
+    ));
     let back = transformed(
         block(0.78, 0.62, 0.16, 0.07),
         Affine3A::from_rotation_translation(Quat::from_rotation_x(-0.2), Vec3::new(0.0, 0.36, -0.33)),
@@ -200,22 +200,25 @@ fn armchair(scene: &mut Scene) {
     let place = |mesh| at(turned(mesh, -52.0), 1.75, 0.0, -0.75);
     scene.place(place(body), fabric);
     scene.place(place(merge(&legs)), wood);
-    let cushion = scene.surface(painted(plain(rgb(0.75, 0.73, 0.68), 0.95), Pattern::Stripes {
-        other: rgb(0.10, 0.20, 0.36),
-        count: 7.0,
-    }));
+    let cushion = scene.surface(painted(
+        plain(rgb(0.75, 0.73, 0.68), 0.95),
+        Pattern::Stripes { other: rgb(0.10, 0.20, 0.36), count: 7.0 },
+    ));
     let pillow = transformed(
         rounded_box(Vec3::new(0.23, 0.23, 0.09), 0.085, 4),
-        Affine3A::from_rotation_translation(Quat::from_euler(EulerRot::YXZ, 0.15, -0.35, 0.25), Vec3::new(0.06, 0.62, -0.16)),
+        Affine3A::from_rotation_translation(
+            Quat::from_euler(EulerRot::YXZ, 0.15, -0.35, 0.25),
+            Vec3::new(0.06, 0.62, -0.16),
+        ),
     );
     scene.place(place(pillow), cushion);
 }
 
 fn sideboard(scene: &mut Scene) {
-    let walnut = scene.surface(painted(plain(rgb(0.36, 0.19, 0.09), 0.3), Pattern::Wood {
-        dark: rgb(0.13, 0.06, 0.028),
-        rings: 16.0,
-    }));
+    let walnut = scene.surface(painted(
+        plain(rgb(0.36, 0.19, 0.09), 0.3),
+        Pattern::Wood { dark: rgb(0.13, 0.06, 0.028), rings: 16.0 },
+    ));
     let legs = scene.surface(metal(rgb(0.75, 0.55, 0.28), 0.3));
     let (cx, cz) = (-0.35, -Z + 0.3);
     // Rest positions turned so that the grain runs along the board.
@@ -259,10 +262,10 @@ fn sideboard(scene: &mut Scene) {
     let copper = scene.surface(metal(rgb(0.90, 0.53, 0.37), 0.22));
     scene.place(at(uv_sphere(0.075, 48, 24), cx - 0.55, top + 0.239, cz), copper);
     // A sculpture that turns about its tilted axis.
-    let stone = scene.surface(painted(plain(rgb(0.80, 0.78, 0.74), 0.25), Pattern::Marble {
-        vein: rgb(0.12, 0.13, 0.16),
-        scale: 7.0,
-    }));
+    let stone = scene.surface(painted(
+        plain(rgb(0.80, 0.78, 0.74), 0.25),
+        Pattern::Marble { vein: rgb(0.12, 0.13, 0.16), scale: 7.0 },
+    ));
     scene.place(at(block(0.2, 0.05, 0.2, 0.008), cx + 0.02, top, cz), copper);
     let hub = Vec3::new(cx + 0.02, top + 0.23, cz);
     scene.place_moving(
@@ -275,10 +278,10 @@ fn sideboard(scene: &mut Scene) {
     );
 
     // A painting in a brass frame.
-    let canvas = scene.surface(painted(plain(rgb(0.72, 0.66, 0.55), 0.8), Pattern::Picture {
-        colors: [rgb(0.68, 0.20, 0.08), rgb(0.07, 0.12, 0.24), rgb(0.78, 0.55, 0.16)],
-        seed: 5,
-    }));
+    let canvas = scene.surface(painted(
+        plain(rgb(0.72, 0.66, 0.55), 0.8),
+        Pattern::Picture { colors: [rgb(0.68, 0.20, 0.08), rgb(0.07, 0.12, 0.24), rgb(0.78, 0.55, 0.16)], seed: 5 },
+    ));
     let (pw, ph, px, py) = (1.1, 0.72, cx + 0.1, 1.42);
     scene.place(quad(Vec3::new(px - pw / 2.0, py, -Z + 0.02), Vec3::X * pw, Vec3::Y * ph), canvas);
     let bar = |w: f32, h: f32, x: f32, y: f32| at(rounded_box(Vec3::new(w, h, 0.02), 0.008, 2), x, y, -Z + 0.02);
@@ -336,9 +339,8 @@ fn plant(scene: &mut Scene, position: Vec3) {
     scene.place(at(lathe(&profile, 48, true), position.x, position.y, position.z), clay);
     let disc = lathe(&[Vec2::new(0.178, 0.0), Vec2::new(0.0, 0.0)], 32, false);
     scene.place(at(disc, position.x, position.y + 0.295, position.z), soil);
-    let leaves: Vec<usize> = (0..3)
-        .map(|k| scene.mesh(leaf(0.62 + 0.13 * k as f32, 0.10 + 0.012 * k as f32, f64::from(k) * 2.1)))
-        .collect();
+    let leaves: Vec<usize> =
+        (0..3).map(|k| scene.mesh(leaf(0.62 + 0.13 * k as f32, 0.10 + 0.012 * k as f32, f64::from(k) * 2.1))).collect();
     for k in 0..15 {
         let kf = k as f32;
         let index = scene.place(Mesh::default(), green);
@@ -346,8 +348,7 @@ fn plant(scene: &mut Scene, position: Vec3) {
         let turn = Quat::from_rotation_y(2.399_963 * kf) * Quat::from_rotation_x(tilt.min(0.15));
         let instance = &mut scene.instances[index];
         instance.mesh = leaves[k % leaves.len()];
-        instance.transform =
-            Affine3A::from_rotation_translation(turn, position + Vec3::new(0.0, 0.30, 0.0)).into();
+        instance.transform = Affine3A::from_rotation_translation(turn, position + Vec3::new(0.0, 0.30, 0.0)).into();
     }
 }
 
@@ -360,10 +361,10 @@ pub(super) fn build() -> Scene {
     plant(&mut scene, Vec3::new(2.2, 0.0, -2.0));
 
     // A rug.
-    let rug = scene.surface(painted(plain(rgb(0.52, 0.10, 0.07), 1.0), Pattern::Stripes {
-        other: rgb(0.62, 0.52, 0.38),
-        count: 5.0,
-    }));
+    let rug = scene.surface(painted(
+        plain(rgb(0.52, 0.10, 0.07), 1.0),
+        Pattern::Stripes { other: rgb(0.62, 0.52, 0.38), count: 5.0 },
+    ));
     scene.place(
         transformed(
             merge(&[quad(Vec3::new(-0.95, 0.012, 0.6), Vec3::X * 1.9, Vec3::NEG_Z * 1.2)]),
@@ -409,10 +410,10 @@ pub(super) fn build() -> Scene {
     scene.place(at(turned(block(0.24, 0.03, 0.17, 0.004), 24.0), tx + 0.24, 0.405, tz + 0.03), spine);
 
     // The ball rolls to and fro in front.
-    let ball = scene.surface(painted(plain(rgb(0.75, 0.73, 0.70), 0.2), Pattern::Stripes {
-        other: rgb(0.62, 0.06, 0.04),
-        count: 6.0,
-    }));
+    let ball = scene.surface(painted(
+        plain(rgb(0.75, 0.73, 0.70), 0.2),
+        Pattern::Stripes { other: rgb(0.62, 0.06, 0.04), count: 6.0 },
+    ));
     let radius = 0.17_f32;
     scene.place_moving(
         uv_sphere(radius, 64, 32),

@@ -5,6 +5,7 @@ use crate::sampler::Sampler;
 use crate::testing::{Noise, SIGNIFICANCE, chi_squared_p};
 use crate::warp;
 use glam::DVec3;
+use proptest::prelude::*;
 
 fn triangle(vertices: [Vec3; 3], radiance: f32, two_sided: bool) -> Emitter {
     Emitter::Triangle { vertices, radiance: Vec3::splat(radiance), two_sided }
@@ -380,4 +381,37 @@ fn a_spot_falls_off_between_its_angles() {
     assert_eq!(spot_falloff(0.61f32.cos(), 0.3, 0.6), 0.0);
     let middle = 0.5 * (0.3f32.cos() + 0.6f32.cos());
     assert!((spot_falloff(middle, 0.3, 0.6) - 0.25).abs() < 1e-5);
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig {
+        cases: 3000,
+        rng_seed: proptest::test_runner::RngSeed::Fixed(58),
+        failure_persistence: None,
+        ..ProptestConfig::default()
+    })]
+    #[test]
+    fn extreme_triangles_give_finite_samples(
+        corners in prop::array::uniform9(prop_oneof![Just(0.0f32), Just(1.0), Just(1e-6), -1.0f32..1.0]),
+        point in prop::array::uniform3(prop_oneof![Just(0.0f32), Just(1.0), Just(-1e-6), Just(1e4), -1.0f32..1.0]),
+        scale in prop_oneof![Just(1.0f32), Just(1e-4), Just(1e5)],
+        normal in prop_oneof![Just(Vec3::ZERO), Just(Vec3::Y)],
+        u in prop::array::uniform3(prop_oneof![Just(0.0f32), Just(warp::ONE_MINUS_EPSILON), 0.0f32..1.0]),
+    ) {
+        let vertices = [0, 3, 6].map(|i| Vec3::from_slice(&corners[i..i + 3]) * scale);
+        let point = Vec3::from_array(point) * scale;
+        let lights = LightSampler::new(vec![
+            triangle(vertices, 1.0, true),
+            Emitter::Environment(Arc::new(Environment::constant(Vec3::ONE))),
+        ]);
+        if let Some(s) = lights.sample(point, normal, Vec3::from_array(u)) {
+            prop_assert!(s.wi.is_normalized() && s.pdf > 0.0 && s.pdf.is_finite() && s.distance > 0.0, "{:?}", s);
+            let pdf = lights.pdf(point, normal, s.emitter_index, s.wi);
+            prop_assert!((pdf - s.pdf).abs() <= 1e-3 * s.pdf, "{} {:?}", pdf, s);
+            if s.emitter_index == 0 {
+                let b = s.barycentrics;
+                prop_assert!(b.min_element() >= 0.0 && (b.x + b.y + b.z - 1.0).abs() < 1e-4, "{:?}", s);
+            }
+        }
+    }
 }
