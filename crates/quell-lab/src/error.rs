@@ -42,6 +42,9 @@ pub enum Error {
     /// A report could not be turned into JSON.
     #[error("cannot write the report as JSON: {0}")]
     Json(#[from] serde_json::Error),
+    /// Tracing failed or was stopped.
+    #[error(transparent)]
+    Trace(#[from] quell_trace::TraceError),
     /// Reading or writing a file failed; names the file.
     #[error(transparent)]
     File(#[from] quell_frames::Error),

@@ -5,9 +5,9 @@ use crate::tone::{Tone, luminance};
 use quell::{Plane, Rgb};
 
 /// eps of relMSE = this times the squared mean luminance of the reference.
-const EPSILON_PART: f64 = 0.01;
+pub(crate) const EPSILON_PART: f64 = 0.01;
 /// Share of pixels that the trimmed mean leaves out: fireflies.
-const TRIMMED_PART: f64 = 0.001;
+pub(crate) const TRIMMED_PART: f64 = 0.001;
 /// A firefly's error, in units of the percentile below.
 const FIREFLY_FACTOR: f64 = 10.0;
 /// Percentile of the reference's luminance against which fireflies are counted.

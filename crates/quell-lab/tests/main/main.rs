@@ -3,3 +3,4 @@
 mod browser;
 mod metrics;
 mod player;
+mod references;

@@ -29,7 +29,7 @@ fn scene(x: usize, y: usize, frame: usize) -> Rgb {
     if v > 0.62 {
         let depth = 0.2 / (v - 0.55);
         let tile = ((u - 0.5) * depth * 8.0 + 40.0) as usize + (depth * 3.0) as usize;
-        let shade = if tile % 2 == 0 { 0.6 } else { 0.15 };
+        let shade = if tile.is_multiple_of(2) { 0.6 } else { 0.15 };
         return [shade, shade * 0.95, shade * 0.85];
     }
     [0.12 + 0.3 * u, 0.16 + 0.25 * u, 0.25 + 0.1 * v]
