@@ -127,6 +127,7 @@ mod attribute {
     pub const PREVIOUS_CAMERA: [&str; 3] =
         ["quell.previous_clip_from_world", "quell.previous_camera_position", "quell.previous_camera_jitter"];
     pub const SCENE: &str = "quell.scene";
+    pub const SCENE_HASH: &str = "quell.scene_hash";
     pub const SAMPLING: &str = "quell.sampling";
     pub const SETTINGS: &str = "quell.settings";
     pub const MAPPING: &str = "quell.mapping";
@@ -362,6 +363,7 @@ fn header(path: &Path, file: &FrameToWrite<'_>, implied: &[&str]) -> Result<BTre
     }
     for (name, value) in [
         (attribute::SCENE, &metadata.scene),
+        (attribute::SCENE_HASH, &metadata.scene_hash),
         (attribute::SAMPLING, &metadata.sampling),
         (attribute::SETTINGS, &metadata.settings),
         (attribute::MAPPING, &metadata.mapping),
@@ -416,6 +418,7 @@ impl LayerReader<'_> {
             content: self.content()?,
             version: self.words(attribute::VERSION)?,
             scene: self.words(attribute::SCENE)?,
+            scene_hash: self.words(attribute::SCENE_HASH)?,
             sampling: self.words(attribute::SAMPLING)?,
             settings: self.words(attribute::SETTINGS)?,
             mapping: self.words(attribute::MAPPING)?,

@@ -35,6 +35,8 @@ pub struct Metadata {
     pub version: String,
     /// Scene, clip and camera, as the user named them.
     pub scene: String,
+    /// Hash of scene, tracer and options, in hexadecimal: tells whether a stored reference still fits.
+    pub scene_hash: String,
     /// How the light was sampled: estimator, samples a pixel, bounces, seed.
     pub sampling: String,
     /// Settings of the denoiser (TOML), on denoised files.

@@ -117,6 +117,7 @@ fn full_file(size: Size) -> FrameFile {
             content: Content::Denoised,
             version: env!("CARGO_PKG_VERSION").to_owned(),
             scene: "Zürich \u{1F3E0}, camera 2".to_owned(),
+            scene_hash: "00ff".to_owned(),
             sampling: "1 sample".to_owned(),
             settings: "[matte]\nradius = 3\n".to_owned(),
             mapping: "DiffInd = matte".to_owned(),

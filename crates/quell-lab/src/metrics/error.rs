@@ -129,10 +129,10 @@ mod tests {
     fn psnr_of_a_known_difference() {
         let size = Size::new(8, 8);
         let tone = Tone::default();
-        let reference = Plane::filled(size, [0.5; 3]);
-        let picture = Plane::filled(size, [0.25; 3]);
-        // sRGB(0.5) = 0.735357, sRGB(0.25) = 0.537099.
-        let expected = -20.0 * (0.735_357_f64 - 0.537_099).log10();
+        let reference = Plane::filled(size, [0.25; 3]);
+        let picture = Plane::filled(size, [0.125; 3]);
+        // Below the shoulder: sRGB(0.25) = 0.537099, sRGB(0.125) = 0.388573.
+        let expected = -20.0 * (0.537_099_f64 - 0.388_573).log10();
         assert!((psnr(&picture, &reference, tone).unwrap() - expected).abs() < 1e-4);
         assert!(psnr(&reference, &reference, tone).unwrap().is_infinite());
         assert!(psnr(&reference, &Plane::filled(Size::new(8, 9), [0.5; 3]), tone).is_err());

@@ -95,8 +95,8 @@ fn the_papers_automatic_exposures() {
 fn rel_mse_and_psnr_agree_with_numpy() {
     let p = pictures();
     for (name, picture, mean, trimmed, decibels) in [
-        ("noisy", &p.noisy_hdr, 0.039182, 0.039087, 25.01199),
-        ("blurred", &p.blurred_hdr, 0.009812, 0.009027, 34.88528),
+        ("noisy", &p.noisy_hdr, 0.039182, 0.039087, 26.17199),
+        ("blurred", &p.blurred_hdr, 0.009812, 0.009027, 35.17749),
     ] {
         let found = rel_mse(picture, &p.reference_hdr).unwrap();
         three_digits(name, found.mean, mean);

@@ -44,12 +44,12 @@ def rel_mse(picture, reference):
 
 
 def tone(c):
-    """Khronos PBR Neutral without its first step, then sRGB."""
+    """The curve of tone.rs: a shoulder on the largest component that fades to white, then sRGB."""
     c = np.maximum(c.astype(np.float64), 0.0)
     peak = c.max(axis=-1, keepdims=True)
-    start = 0.76
+    start = 0.3
     new_peak = 1.0 - (1.0 - start) ** 2 / (peak + 1.0 - start - start)
-    white = 1.0 - 1.0 / (0.15 * (peak - new_peak) + 1.0)
+    white = 1.0 - 1.0 / (0.4 * (peak - new_peak) + 1.0)
     with np.errstate(divide="ignore", invalid="ignore"):
         shown = c * new_peak / peak
     shown = np.where(peak < start, c, shown + (new_peak - shown) * white)
