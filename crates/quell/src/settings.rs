@@ -287,10 +287,10 @@ macro_rules! parameters {
 parameters! {
     /// What concerns the order of the stages.
     pipeline: Pipeline {
-        feedback: Feedback = Feedback::Prefilter, (), "",
+        feedback: Feedback = Feedback::Blend, (), "",
             "Image of this frame that is the next frame's matte history.",
             higher "Later images are smoother, and blur once a frame.", lower "Earlier ones keep detail and noise.",
-            source "[S] a spatially filtered image is fed back; [O] which";
+            source "[S] a spatially filtered image is fed back; [O] which: ours by measurement, `docs/paper.md`";
     }
     /// When history counts as the same surface: shared by stages 3 and 8.
     surface: Surface {
