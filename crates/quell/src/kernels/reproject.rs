@@ -126,6 +126,43 @@ pub fn reflector_lookup(
     })
 }
 
+/// Normals that differ by less (length of the difference) are the same up to rounding.
+const SAME_NORMAL: f32 = 1e-5;
+/// Planes apart by less, in sizes of a pixel, are the same up to rounding.
+const SAME_PLANE_PX: f32 = 0.01;
+
+/// The reflector at pixel (x, y) as the four pixels at its old place show it: `visible` is their lookup.
+///
+/// A mirror that turns hardly moves its own points, but moves its image twice as fast: motion alone cannot tell that
+/// it rests. It counts as resting where its normal changed by no more than it varies between the four pixels, and its
+/// plane did not shift; then `expected` stays as it is. Else it becomes their mean position and normal.
+pub fn previous_reflector(
+    now: &Guides,
+    before: &Guides,
+    expected: &Expected,
+    visible: &Lookup,
+    x: usize,
+    y: usize,
+) -> Expected {
+    let taps = || visible.index.iter().zip(visible.weight).filter(|(_, w)| *w > 0.0);
+    let normal_at = |index: usize| Vec3::from(before.normal.data()[index]);
+    let (mut position, mut normal) = (Vec3::ZERO, Vec3::ZERO);
+    for (index, weight) in taps() {
+        position += weight * before.world(index % now.size.width, index / now.size.width);
+        normal += weight * normal_at(*index);
+    }
+    let normal = normal.normalize_or_zero();
+    let spread = taps().map(|(index, _)| (normal_at(*index) - normal).length()).fold(0.0, f32::max);
+    let turned = (Vec3::from(now.normal.at(x, y)) - normal).length() > spread + SAME_NORMAL;
+    let shift = (now.world(x, y) - position).dot(normal).abs();
+    let shifted = shift > SAME_PLANE_PX * now.view.pixel_size(expected.view_depth);
+    if expected.moved || turned || shifted {
+        Expected { position, normal, moved: true, ..*expected }
+    } else {
+        *expected
+    }
+}
+
 /// Step 2, glossy: where the mirror image at pixel (x, y) was. `hit_distance` as filtered by [`filtered_hit`].
 ///
 /// A plane mirror's image lies behind the surface, on the eye ray, as far as the hit point lies before it. Where the

@@ -3,7 +3,7 @@
 use crate::border::Guides;
 use crate::frame::Rgb;
 use crate::kernels::reproject::{
-    Lookup, expected_surface, filtered_hit, reflector_lookup, surface_lookup, virtual_coordinate,
+    Lookup, expected_surface, filtered_hit, previous_reflector, reflector_lookup, surface_lookup, virtual_coordinate,
 };
 use crate::kernels::temporal::Blend;
 use crate::plane::Plane;
@@ -22,6 +22,7 @@ pub fn run(current: &[Plane<Rgb>], history: Option<Remembered<'_>>, now: &Guides
         if !(glossy.virtual_reprojection && now.has_glossy_hit) || visible.trust <= 0.0 {
             return visible;
         }
+        let expected = previous_reflector(now, before, &expected, &visible, x, y);
         let hit = filtered_hit(now, glossy.hit_filter, x, y);
         let Some(coordinate) = virtual_coordinate(now, glossy, &expected, hit, x, y) else {
             return Lookup::default();
