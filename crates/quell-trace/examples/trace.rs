@@ -53,6 +53,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         rays.total() as f64 / size.pixels() as f64,
         rays.total() as f64 / seconds / 1e6
     );
+    let mean = picture.data().iter().flatten().map(|v| f64::from(*v)).sum::<f64>() / (3 * size.pixels()) as f64;
+    eprintln!("mean {mean:.4}");
     let mut bytes = Vec::with_capacity(size.pixels() * 3);
     for pixel in picture.data() {
         for c in pixel {

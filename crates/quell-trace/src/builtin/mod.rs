@@ -1,7 +1,11 @@
 //! Scenes made by code. Each stresses one thing; each has cameras 1 to 5 on different paths.
 
 mod cornell_box;
+mod disocclusion;
+mod furnace;
 mod glossy_room;
+mod lights_out;
+mod mirror_hall;
 
 use crate::scene::{Scene, SceneError};
 
@@ -30,6 +34,10 @@ struct Builtin {
 const BUILTIN: &[Builtin] = &[
     Builtin { info: cornell_box::INFO, build: cornell_box::build, source: include_str!("cornell_box.rs") },
     Builtin { info: glossy_room::INFO, build: glossy_room::build, source: include_str!("glossy_room.rs") },
+    Builtin { info: mirror_hall::INFO, build: mirror_hall::build, source: include_str!("mirror_hall.rs") },
+    Builtin { info: disocclusion::INFO, build: disocclusion::build, source: include_str!("disocclusion.rs") },
+    Builtin { info: lights_out::INFO, build: lights_out::build, source: include_str!("lights_out.rs") },
+    Builtin { info: furnace::INFO, build: furnace::build, source: include_str!("furnace.rs") },
 ];
 
 /// What all built-in scenes are made with: a change there changes them.
