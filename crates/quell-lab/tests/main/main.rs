@@ -4,3 +4,4 @@ mod browser;
 mod metrics;
 mod player;
 mod references;
+mod sequences;
