@@ -89,8 +89,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let times = quell::pipeline::Stage::ALL.iter().filter_map(|&stage| {
         let milliseconds = stages.iter().filter_map(|t| t.get(stage)).map(|t| t.as_secs_f64() * 1e3);
         Some(StageTime {
-            name: format!("{stage:?}"),
-            paper_stage: None,
+            name: stage.name().to_owned(),
+            paper_stage: stage.paper_stage().split(' ').next().and_then(|number| number.parse().ok()),
             milliseconds: Spread::of(milliseconds)?,
             bytes_per_pixel: None,
             floor_ms: None,

@@ -174,7 +174,12 @@ fn page(data: &PlayerData, max_bytes: usize) -> Result<(String, Option<String>),
         let crop = window.2;
         let mut sentence = String::new();
         if step > 1 {
-            sentence = format!("{} of {frame_count} frames (every {step}th)", kept.len());
+            let every = match step {
+                2 => "every second".to_owned(),
+                3 => "every third".to_owned(),
+                _ => format!("every {step}th"),
+            };
+            sentence = format!("{} of {frame_count} frames ({every})", kept.len());
         }
         if crop != size {
             let and = if sentence.is_empty() { "" } else { ", and of each " };

@@ -295,9 +295,9 @@
     row.value = state.row;
     row.style.setProperty("--part", `${(state.row / Math.max(1, height - 1)) * 100}%`);
     const count = byId("count");
-    count.replaceChildren("frame ", element("b", "", data.frames[state.frame]), ` of ${data.frames[frameCount - 1]}`);
+    count.replaceChildren("frame ", element("b", "", data.frames[state.frame]), ` \u00b7 ${state.frame + 1} of ${frameCount}`);
     byId("play").setAttribute("aria-label", state.playing ? "Pause" : "Play");
-    viewer.setAttribute("aria-label", `${state.errors ? "Error maps" : "Pictures"}, frame ${data.frames[state.frame]}: ${panels.map((p) => sequences[p.s].name).join(", ")}`);
+    canvas.setAttribute("aria-label", `${state.errors ? "Error maps" : "Pictures"}, frame ${data.frames[state.frame]}: ${panels.map((p) => sequences[p.s].name).join(", ")}`);
   };
 
   const set = (change) => {
@@ -515,6 +515,7 @@
   byId("play").addEventListener("click", toggle);
   byId("step-back").addEventListener("click", () => step(-1));
   byId("step-forward").addEventListener("click", () => step(1));
+  for (const id of ["play", "step-back", "step-forward", "frame", "speed"]) byId(id).disabled = frameCount < 2;
   byId("frame").max = frameCount - 1;
   byId("frame").addEventListener("input", (e) => set({ playing: false, frame: +e.target.value }));
   byId("speed").addEventListener("change", (e) => set({ speed: +e.target.value }));
