@@ -17,17 +17,20 @@ fn paper() -> Settings {
 
 // --- energy ---
 
-/// Mean of each signal over the last 50 of some frames, relative to the truth, of a plane whose paths are lit with probability 0.1.
+/// Mean of each signal over the last 50 of some frames, relative to the truth, of a plane whose paths are lit with
+/// probability 0.1. A margin is left out: windows that the image's edge cuts are a large share of a small picture.
 fn kept_energy(settings: &Settings, backend: quell::Backend, frames: i64) -> [f64; 2] {
-    let size = Size::new(56, 40);
+    const MARGIN: usize = 5;
+    let size = Size::new(64, 48);
     let scene = wall(still, Noise::Sparse(0.1));
     let mut denoiser = Denoiser::with_backend(size, settings, backend).unwrap();
+    let inner = Size::new(size.width - 2 * MARGIN, size.height - 2 * MARGIN);
     let mut sums = [0.0; 2];
     for i in 0..frames {
         let kept = denoise(&mut denoiser, &scene.frame(size, i));
         if i >= frames - 50 {
-            for (sum, plane) in sums.iter_mut().zip([kept.matte, kept.glossy]) {
-                *sum += mean(&plane.unwrap()) / (0.5 * 50.0);
+            for (sum, plane) in sums.iter_mut().zip([kept.matte.unwrap(), kept.glossy.unwrap()]) {
+                *sum += mean(&Plane::from_fn(inner, |x, y| plane.at(x + MARGIN, y + MARGIN))) / (0.5 * 50.0);
             }
         }
     }
@@ -35,14 +38,20 @@ fn kept_energy(settings: &Settings, backend: quell::Backend, frames: i64) -> [f6
 }
 
 #[test]
-#[ignore = "`paper` loses 2.6 % of the matte light (median of a skewed image: 1 - alpha) and 60 % of the glossy light \
-            (box of raw noise)"]
-fn sparse_light_keeps_its_energy() {
+#[ignore = "the median of the accumulated image, which stays skewed, leaves 0.977 of the matte light; 0.98 is asked for"]
+fn sparse_matte_light_keeps_its_energy() {
     for backend in BACKENDS {
-        let kept = kept_energy(&Settings::default(), backend, 200);
-        for (energy, signal) in kept.into_iter().zip(Signal::ALL) {
-            assert!((energy - 1.0).abs() < 0.02, "{}: {energy} of the light is left", signal.name());
-        }
+        let [matte, _] = kept_energy(&Settings::default(), backend, 200);
+        assert!((matte - 1.0).abs() < 0.02, "{matte} of the light is left");
+    }
+}
+
+#[test]
+#[ignore = "the box of raw noise, r = 2, leaves 0.4 of the glossy light at one lit path in ten; r = 4 keeps all"]
+fn sparse_glossy_light_keeps_its_energy() {
+    for backend in BACKENDS {
+        let [_, glossy] = kept_energy(&Settings::default(), backend, 200);
+        assert!((glossy - 1.0).abs() < 0.02, "{glossy} of the light is left");
     }
 }
 
