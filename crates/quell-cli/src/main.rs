@@ -1,1 +1,35 @@
-fn main() {}
+//! The command `quell`: parse, call, report. What is computed, the crates beside this one compute.
+//!
+//! ```text
+//! args/         what the user typed: options, ranges, sizes; no side effect
+//! context.rs    what the program runs on: settings, threads, back end, where messages go
+//! failure.rs    how a run ends badly, and with which exit status
+//! interrupt.rs  Ctrl-C and SIGTERM
+//! progress.rs   bars on a terminal, plain lines elsewhere
+//! output.rs     folders that can be written, addresses of pages, standard output
+//! sequence/     a scene traced, denoised, scored and shown, frame by frame: what `demo` and `render` share
+//! commands/     one file a command
+//! ```
+
+mod args;
+mod commands;
+mod context;
+mod failure;
+mod interrupt;
+mod output;
+mod progress;
+mod sequence;
+
+use args::Cli;
+use clap::Parser;
+use std::process::ExitCode;
+
+fn main() -> ExitCode {
+    match commands::run(Cli::parse()) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(failure) => {
+            failure.tell();
+            failure.exit_code()
+        }
+    }
+}

@@ -1,0 +1,239 @@
+//! What the user typed. Nothing here has a side effect; what the program runs on is made from it in `context.rs` and by
+//! each command.
+
+pub mod ranges;
+pub mod values;
+
+use clap::{Args, Parser, Subcommand};
+use clap_complete::Shell;
+use quell::Size;
+use quell_trace::Estimator;
+use ranges::Frames;
+use std::path::PathBuf;
+use values::{BackendChoice, Setting};
+
+/// Where `demo` writes unless told otherwise.
+pub const DEMO_FOLDER: &str = "quell-demo";
+
+/// The whole command line.
+#[derive(Debug, Parser)]
+#[command(
+    name = "quell",
+    about = "Removes the noise from path-traced animations (Mara et al. 2017)",
+    before_help = "Example: quell demo",
+    disable_version_flag = true,
+    disable_help_subcommand = true,
+    max_term_width = 120
+)]
+pub struct Cli {
+    #[command(flatten)]
+    pub common: Common,
+    /// Print the version; with -v also instruction set and features
+    #[arg(short = 'V', long)]
+    pub version: bool,
+    /// Print the completions for a shell
+    #[arg(long, value_name = "SHELL")]
+    pub completions: Option<Shell>,
+    #[command(subcommand)]
+    pub command: Option<Command>,
+}
+
+/// Options that every command takes.
+#[derive(Clone, Debug, Default, Args)]
+#[command(next_help_heading = "Common options")]
+pub struct Common {
+    /// Say more
+    #[arg(short, long, global = true)]
+    pub verbose: bool,
+    /// Say nothing but results and errors
+    #[arg(short, long, global = true, conflicts_with = "verbose")]
+    pub quiet: bool,
+    /// Results as JSON on standard output
+    #[arg(long, global = true)]
+    pub json: bool,
+    /// Write the results as JSON to a file
+    #[arg(long, global = true, value_name = "FILE.json")]
+    pub report: Option<PathBuf>,
+    /// Threads to use [default: all]
+    #[arg(long, global = true, value_name = "N", value_parser = values::at_least_one::<u16>)]
+    pub threads: Option<u16>,
+    /// Implementation of the stages: auto, cpu, reference [default: auto]
+    #[arg(long, global = true, value_name = "NAME")]
+    pub backend: Option<BackendChoice>,
+    /// Named values of all parameters: paper [default: paper]
+    #[arg(long, global = true, value_name = "NAME")]
+    pub preset: Option<String>,
+    /// Set one parameter; repeatable; `quell explain` lists them
+    #[arg(long, global = true, value_name = "STAGE.PARAMETER=VALUE")]
+    pub set: Vec<Setting>,
+    /// Take parameters from a TOML file; --set comes after it
+    #[arg(long, global = true, value_name = "FILE.toml")]
+    pub settings: Option<PathBuf>,
+}
+
+#[derive(Debug, Subcommand)]
+pub enum Command {
+    Demo(DemoArgs),
+    Render(RenderArgs),
+    Scenes(ScenesArgs),
+    Bench(BenchArgs),
+    Explain(ExplainArgs),
+}
+
+/// Render, denoise and show a built-in scene: pictures, a page, a table
+#[derive(Debug, Args)]
+#[command(before_help = "Example: quell demo -o quell-demo")]
+pub struct DemoArgs {
+    /// Folder to write to
+    #[arg(short, long, value_name = "DIR", default_value = DEMO_FOLDER)]
+    pub output: PathBuf,
+    /// Extent of the pictures; the reference frames that come with quell fit the default only
+    #[arg(long, value_name = "WIDTHxHEIGHT", default_value = "480x270", value_parser = values::size)]
+    pub size: Size,
+    /// Frames to render
+    #[arg(long, value_name = "N", default_value = "24", value_parser = values::at_least_one::<u32>)]
+    pub count: u32,
+    /// Also write every frame with all its planes as EXR
+    #[arg(long)]
+    pub exr: bool,
+    /// For maintainers: make the reference frames that come with quell anew, in this folder
+    #[arg(long, value_name = "DIR", hide = true)]
+    pub make_references: Option<PathBuf>,
+    /// For maintainers: samples a pixel of those
+    #[arg(long, value_name = "SPP", hide = true, default_value = "2048", value_parser = values::at_least_one::<u32>)]
+    pub reference_spp: u32,
+}
+
+/// Path trace a scene to factored EXR frames and denoise them
+#[derive(Debug, Args)]
+#[command(before_help = "Example: quell render glossy-room -o frames --size 640x360 --count 24 --reference 256")]
+pub struct RenderArgs {
+    /// Built-in scene; `quell scenes` lists them
+    pub scene: String,
+    /// Folder to write to
+    #[arg(short, long, value_name = "DIR")]
+    pub output: PathBuf,
+    /// Extent of the pictures
+    #[arg(long, value_name = "WIDTHxHEIGHT", default_value = "480x270", value_parser = values::size)]
+    pub size: Size,
+    /// Frames to render, such as 0-23, 0-63x4, 1,4,7-9 or -10--1 [default: the scene's own]
+    #[arg(long, value_name = "RANGE", allow_hyphen_values = true, conflicts_with = "count")]
+    pub frames: Option<Frames>,
+    /// Frames to render, from the scene's first
+    #[arg(long, value_name = "N", value_parser = values::at_least_one::<u32>)]
+    pub count: Option<u32>,
+    #[command(flatten)]
+    pub sampling: SamplingArgs,
+    /// Do not denoise
+    #[arg(long)]
+    pub no_denoise: bool,
+    /// Converged frames as well, from SPP samples a pixel in two halves [default SPP: 256]
+    #[arg(long, value_name = "SPP", num_args = 0..=1, default_missing_value = "256",
+          value_parser = values::at_least_one::<u32>)]
+    pub reference: Option<u32>,
+    /// Make references of these frames only
+    #[arg(long, value_name = "RANGE", allow_hyphen_values = true)]
+    pub reference_frames: Option<Frames>,
+    /// Stop a reference early where its own trimmed relMSE, known from its halves, is this small
+    #[arg(long, value_name = "RELMSE", value_parser = values::positive)]
+    pub reference_error: Option<f32>,
+    /// Brightness of pictures and weights [default: the scene's own]
+    #[arg(long, value_name = "FACTOR", value_parser = values::positive)]
+    pub exposure: Option<f32>,
+    /// Store colours as half float: files are less than half as large
+    #[arg(long)]
+    pub half: bool,
+    /// Also replace EXR files that quell did not write
+    #[arg(long)]
+    pub overwrite: bool,
+}
+
+/// How light is sampled.
+#[derive(Debug, Args)]
+pub struct SamplingArgs {
+    /// Number of the camera, from 1
+    #[arg(long, value_name = "N", default_value = "1")]
+    pub camera: String,
+    /// exact (converges to the full integral) or paper (as published)
+    #[arg(long, value_name = "NAME", default_value = "exact", value_parser = values::estimator)]
+    pub estimator: Estimator,
+    /// Samples a pixel; each is one matte and one glossy path
+    #[arg(long, value_name = "N", default_value = "1", value_parser = values::at_least_one::<u32>)]
+    pub spp: u32,
+    /// Scatterings of a path after the surface that is seen
+    #[arg(long, value_name = "N", default_value = "3")]
+    pub bounces: u32,
+    /// Other seeds, other noise
+    #[arg(long, value_name = "N", default_value = "0")]
+    pub seed: u64,
+    /// Shadow rays a pixel of the direct light
+    #[arg(long, value_name = "N", default_value = "16", value_parser = values::at_least_one::<u32>)]
+    pub direct_samples: u32,
+    /// Move the samples within the pixel from frame to frame; stage 11 then smooths edges
+    #[arg(long)]
+    pub jitter: bool,
+    /// Largest luminance of a sample, 0: no limit; loses energy
+    #[arg(long, value_name = "LUMINANCE", default_value = "0")]
+    pub indirect_clamp: f32,
+}
+
+/// List the built-in scenes and what they stress
+#[derive(Debug, Args)]
+#[command(before_help = "Example: quell scenes")]
+pub struct ScenesArgs {}
+
+/// Measure the time of each stage beside the paper's table; with --scene also the rays a second
+#[derive(Debug, Args)]
+#[command(before_help = "Example: quell bench --size 1280x720,5120x2880")]
+pub struct BenchArgs {
+    /// Trace this built-in scene [default: frames that are made up]
+    #[arg(long, value_name = "SCENE")]
+    pub scene: Option<String>,
+    /// Extents to measure
+    #[arg(long, value_name = "WIDTHxHEIGHT", default_value = "1280x720", value_delimiter = ',',
+          value_parser = values::size)]
+    pub size: Vec<Size>,
+    /// Frames to measure, after one to warm up; fewer where they take longer than a minute
+    #[arg(long, value_name = "N", default_value = "10", value_parser = values::at_least_one::<u32>)]
+    pub count: u32,
+}
+
+/// Print the pipeline as it will run, with every parameter; or what a scene holds
+#[derive(Debug, Args)]
+#[command(before_help = "Example: quell explain --set firefly.enabled=off")]
+pub struct ExplainArgs {
+    /// Built-in scene [default: the pipeline]
+    pub scene: Option<String>,
+    /// The parameters as docs/parameters.md holds them
+    #[arg(long, conflicts_with = "scene")]
+    pub markdown: bool,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use clap::CommandFactory;
+
+    #[test]
+    fn the_definitions_are_sound_and_every_command_has_an_example() {
+        Cli::command().debug_assert();
+        for command in Cli::command().get_subcommands() {
+            let example = command.get_before_help().map(ToString::to_string).unwrap_or_default();
+            assert!(example.starts_with(&format!("Example: quell {}", command.get_name())), "{}", command.get_name());
+            // The example itself is understood.
+            let words = example.trim_start_matches("Example: ").split(' ');
+            Cli::try_parse_from(words).unwrap_or_else(|e| panic!("{example}: {e}"));
+            for argument in command.get_arguments().filter(|a| !a.is_hide_set()) {
+                assert!(argument.get_help().is_some(), "{} {}", command.get_name(), argument.get_id());
+            }
+        }
+    }
+
+    #[test]
+    fn negative_ranges_are_values_and_a_bare_reference_has_a_default() {
+        let words = ["quell", "render", "x", "-o", "y", "--frames", "-10--1", "--reference", "--threads", "2"];
+        let Some(Command::Render(args)) = Cli::try_parse_from(words).unwrap().command else { panic!() };
+        assert_eq!(args.frames.unwrap().numbers().len(), 10);
+        assert_eq!(args.reference, Some(256));
+    }
+}

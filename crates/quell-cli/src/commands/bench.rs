@@ -1,0 +1,250 @@
+//! `quell bench`: the time of each stage beside the paper's, with the floor of each; rays a second of a scene.
+
+mod synthetic;
+
+use crate::args::BenchArgs;
+use crate::context::{Context, backend_name};
+use crate::failure::Failure;
+use crate::interrupt;
+use crate::progress::Progress;
+use crate::sequence::FIRST_FRAME;
+use crate::sequence::times::{StageClock, paper_number};
+use quell::pipeline::{Image, Inputs, Plan, Stage};
+use quell::{Denoiser, FrameBuf, Size};
+use quell_lab::report::StageTime;
+use quell_lab::report::table::Table;
+use quell_trace::{Control, RenderOptions, Tracer, builtin};
+use serde_json::{Map, Value, json};
+use std::time::{Duration, Instant};
+
+/// Beyond this, fewer frames are measured than asked for.
+const LONGEST: Duration = Duration::from_secs(60);
+/// Fewer than these make no median.
+const LEAST_FRAMES: usize = 3;
+/// Extent that the talk's table is for.
+const PAPER_SIZE: Size = Size { width: 1280, height: 720 };
+
+pub fn run(context: &Context, args: BenchArgs) -> Result<(), Failure> {
+    let mut report = context.report();
+    let gigabytes_a_second = copy_speed();
+    let mut text = String::new();
+    let mut runs = Vec::new();
+    for &size in &args.size {
+        let mut rays = None;
+        let mut frame = match &args.scene {
+            Some(scene) => {
+                let (frame, measured) = traced(context, scene, size)?;
+                rays = Some(measured);
+                frame
+            }
+            None => synthetic::frame(size),
+        };
+        let measured = measure(context, &mut frame, &args)?;
+        let stages = with_floors(measured.clock.stages(), context, size, gigabytes_a_second);
+        let sum = |f: &dyn Fn(&StageTime) -> Option<f64>| stages.iter().filter_map(f).sum::<f64>();
+        let filters: f64 = sum(&|s| s.paper_stage.map(|_| s.milliseconds.median));
+        let whole: f64 = sum(&|s| Some(s.milliseconds.median));
+        text.push_str(&format!(
+            "{size}, {} frames, back end {}, {} thread{}, {}\n\n{}\n",
+            measured.frames,
+            backend_name(context.backend),
+            report.machine.threads,
+            if report.machine.threads == 1 { "" } else { "s" },
+            report.machine.instruction_set,
+            table(&stages, size)
+        ));
+        text.push_str(&format!("stages 3 to 11: {filters:.1} ms a frame; with border and composite: {whole:.1} ms\n"));
+        if let Some(peak) = peak_memory() {
+            text.push_str(&format!(
+                "peak memory of the process so far: {:.2} GiB\n",
+                peak as f64 / (1u64 << 30) as f64
+            ));
+        }
+        if let Some(rays) = &rays {
+            text.push_str(&format!(
+                "tracer: {:.2} million rays a second, {:.1} rays a pixel, {:.0} ms a frame\n",
+                rays.per_second / 1e6,
+                rays.per_pixel,
+                rays.milliseconds
+            ));
+        }
+        text.push('\n');
+        runs.push(json!({
+            "size": size.to_string(),
+            "frames": measured.frames,
+            "stages": stages,
+            "stages_3_to_11_ms": filters,
+            "frame_ms": whole,
+            "peak_memory_bytes": peak_memory(),
+            "rays": rays.map(|r| json!({
+                "per_second": r.per_second, "per_pixel": r.per_pixel, "milliseconds": r.milliseconds,
+            })),
+        }));
+        if report.stages.is_empty() {
+            report.stages = stages;
+        }
+    }
+    text.push_str(&format!(
+        "floor: the bytes that a stage must move, each plane once, at the {gigabytes_a_second:.1} GB/s that copying reaches \
+         here.\npaper: a GPU of 2017 at {PAPER_SIZE}, from the talk."
+    ));
+    report.settings.insert("size".to_owned(), args.size.iter().map(Size::to_string).collect::<Vec<_>>().into());
+    report.settings.insert("scene".to_owned(), args.scene.map_or(Value::Null, Value::from));
+    let mut further = Map::new();
+    further.insert("sizes".to_owned(), runs.into());
+    further.insert("copy_gigabytes_per_second".to_owned(), gigabytes_a_second.into());
+    context.finish(&report, further, &text)
+}
+
+struct Measured {
+    clock: StageClock,
+    frames: usize,
+}
+
+/// Denoises the frame again and again as if it were a sequence; the first is not counted.
+fn measure(context: &Context, frame: &mut FrameBuf, args: &BenchArgs) -> Result<Measured, Failure> {
+    let mut denoiser = Denoiser::with_backend(frame.size, &context.settings, context.backend)?;
+    let mut clock = StageClock::default();
+    let progress = Progress::new("frame", args.count as usize + 1, context.quiet);
+    let begin = Instant::now();
+    let mut frames = 0;
+    for index in 0..=args.count as usize {
+        if interrupt::asked() {
+            return Err(Failure::Interrupted(format!("after {frames} of {} frames", args.count)));
+        }
+        frame.index = FIRST_FRAME + index as i64;
+        if args.scene.is_none() {
+            synthetic::renew(frame);
+        }
+        let times = denoiser.denoise(&frame.frame(&[]))?.report.times;
+        progress.done(index);
+        if index > 0 {
+            clock.add(&times);
+            frames += 1;
+            if begin.elapsed() > LONGEST && frames >= LEAST_FRAMES {
+                break;
+            }
+        }
+    }
+    Ok(Measured { clock, frames })
+}
+
+struct Rays {
+    per_second: f64,
+    per_pixel: f64,
+    milliseconds: f64,
+}
+
+/// One frame of a scene, and how fast it was traced.
+fn traced(context: &Context, name: &str, size: Size) -> Result<(FrameBuf, Rays), Failure> {
+    let scene = builtin(name)?;
+    let tracer = Tracer::new(&scene, FIRST_FRAME, 1)?;
+    let progress = Progress::new("trace", 1, context.quiet);
+    let told = |share: f32| progress.within(0, share, "tracing");
+    let control = Control { cancel: Some(interrupt::flag()), progress: Some(&told) };
+    let begin = Instant::now();
+    let rendered = tracer.render(&RenderOptions::new(size), &control)?;
+    let seconds = begin.elapsed().as_secs_f64();
+    let total = rendered.rays.total() as f64;
+    let rays =
+        Rays { per_second: total / seconds, per_pixel: total / size.pixels() as f64, milliseconds: seconds * 1e3 };
+    Ok((rendered.frame, rays))
+}
+
+/// Bytes a pixel of an image as single-precision planes: what any layout without compression must move.
+fn bytes_per_pixel(image: Image) -> f64 {
+    const FLOAT: f64 = 4.0;
+    match image {
+        // Depth, normal, roughness, identity, motion, hit distance.
+        Image::Guides | Image::PreviousGuides => FLOAT * 9.0,
+        // Of both signals.
+        Image::Weights => FLOAT * 6.0,
+        // Confidence and length.
+        Image::MatteConfidence | Image::GlossyConfidence => FLOAT * 2.0,
+        _ => FLOAT * 3.0,
+    }
+}
+
+fn with_floors(stages: Vec<StageTime>, context: &Context, size: Size, gigabytes_a_second: f64) -> Vec<StageTime> {
+    let plan = Plan::new(&context.settings, Inputs::ALL);
+    let with_floor = |mut stage: StageTime| {
+        let step = plan.steps.iter().find(|s| s.stage.name() == stage.name);
+        stage.bytes_per_pixel = step.map(|s| {
+            let images = [s.input, s.output].into_iter().chain(s.also_reads.iter().copied());
+            images.chain(s.also_writes.iter().copied()).map(bytes_per_pixel).sum()
+        });
+        stage.floor_ms = stage.bytes_per_pixel.map(|b| b * size.pixels() as f64 / (gigabytes_a_second * 1e6));
+        stage
+    };
+    stages.into_iter().map(with_floor).collect()
+}
+
+/// The paper's table with ours beside it.
+fn table(stages: &[StageTime], size: Size) -> Table {
+    let paper_head = if size == PAPER_SIZE { "paper ms" } else { "paper ms at 1280x720" };
+    let mut table = Table::new(["stage", "median ms", "min", "max", "bytes/pixel", "floor ms", paper_head]);
+    let optional = |value: Option<f64>, digits: usize| value.map_or("-".to_owned(), |v| format!("{v:.digits$}"));
+    for stage in stages {
+        let known = Stage::ALL.into_iter().find(|s| s.name() == stage.name);
+        table.push([
+            known.map_or(stage.name.clone(), |s| format!("{:<26}{}", s.paper_stage(), s.name())),
+            format!("{:.2}", stage.milliseconds.median),
+            format!("{:.2}", stage.milliseconds.min),
+            format!("{:.2}", stage.milliseconds.max),
+            optional(stage.bytes_per_pixel, 0),
+            optional(stage.floor_ms, 2),
+            optional(known.and_then(Stage::paper_milliseconds).map(f64::from), 2),
+        ]);
+    }
+    let filters = || Stage::ALL.into_iter().filter(|s| paper_number(*s).is_some());
+    let sum = |f: fn(&StageTime) -> Option<f64>| stages.iter().filter_map(f).sum::<f64>();
+    table.push([
+        "sum".to_owned(),
+        format!("{:.2}", sum(|s| Some(s.milliseconds.median))),
+        String::new(),
+        String::new(),
+        format!("{:.0}", sum(|s| s.bytes_per_pixel)),
+        format!("{:.2}", sum(|s| s.floor_ms)),
+        format!("{:.2}", filters().filter_map(Stage::paper_milliseconds).map(f64::from).sum::<f64>()),
+    ]);
+    table
+}
+
+/// Gigabytes a second, read and written together, that copying reaches with all threads: the best of a few rounds.
+fn copy_speed() -> f64 {
+    use rayon::prelude::*;
+    /// Beyond any cache.
+    const BYTES: usize = 256 << 20;
+    const CHUNK: usize = 1 << 20;
+    let source = vec![1u8; BYTES];
+    let mut target = vec![0u8; BYTES];
+    let mut best = 0.0_f64;
+    for _ in 0..4 {
+        let begin = Instant::now();
+        target.par_chunks_mut(CHUNK).zip(source.par_chunks(CHUNK)).for_each(|(t, s)| t.copy_from_slice(s));
+        best = best.max(2.0 * BYTES as f64 / begin.elapsed().as_secs_f64() / 1e9);
+        std::hint::black_box(&target);
+    }
+    best
+}
+
+/// The most memory that this process held at any time, in bytes; Linux only.
+fn peak_memory() -> Option<u64> {
+    let status = std::fs::read_to_string("/proc/self/status").ok()?;
+    let line = status.lines().find_map(|l| l.strip_prefix("VmHWM:"))?;
+    line.split_whitespace().next()?.parse::<u64>().ok().map(|kib| kib * 1024)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn floors_count_every_plane_once() {
+        // Stage 4 reads signal and guides and writes a signal.
+        let plan = Plan::new(&quell::Settings::default(), Inputs::ALL);
+        let step = plan.steps.iter().find(|s| s.stage == Stage::MattePrefilter).unwrap();
+        let images = [step.input, step.output].into_iter().chain(step.also_reads.iter().copied());
+        assert_eq!(images.map(bytes_per_pixel).sum::<f64>(), 12.0 + 12.0 + 36.0);
+    }
+}

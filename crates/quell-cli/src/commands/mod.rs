@@ -1,0 +1,66 @@
+//! The commands, one file each, and what `quell` does without one.
+
+mod bench;
+mod demo;
+mod explain;
+mod render;
+mod scenes;
+
+use crate::args::{Cli, Command};
+use crate::context::{Context, instruction_set};
+use crate::failure::Failure;
+use crate::{interrupt, output};
+use clap::CommandFactory;
+
+/// Five lines that start a newcomer.
+const WELCOME: &str = "\
+quell removes the noise from path-traced animations.
+  quell demo                        see it: pictures, a page to open, a table of scores (about a minute)
+  quell scenes                      what else there is to render: quell render SCENE -o DIR
+  quell explain                     the stages and every parameter; change one with --set stage.parameter=value
+  quell --help                      all commands; each has a --help of its own that begins with an example";
+
+/// Does what the user typed.
+pub fn run(cli: Cli) -> Result<(), Failure> {
+    if let Some(shell) = cli.completions {
+        let mut script = Vec::new();
+        clap_complete::generate(shell, &mut Cli::command(), "quell", &mut script);
+        return output::print(&String::from_utf8_lossy(&script));
+    }
+    if cli.version {
+        return output::print(&version(cli.common.verbose));
+    }
+    let Some(command) = cli.command else { return output::print(WELCOME) };
+    let in_threads = || {
+        let context = Context::new(&cli.common)?;
+        interrupt::install()?;
+        match command {
+            Command::Demo(args) => demo::run(&context, args),
+            Command::Render(args) => render::run(&context, args),
+            Command::Scenes(_) => scenes::run(&context),
+            Command::Bench(args) => bench::run(&context, args),
+            Command::Explain(args) => explain::run(&context, args),
+        }
+    };
+    match cli.common.threads {
+        None => in_threads(),
+        Some(threads) => rayon::ThreadPoolBuilder::new()
+            .num_threads(usize::from(threads))
+            .build()
+            .map_err(|e| Failure::Failed(format!("cannot start {threads} threads: {e}")))?
+            .install(in_threads),
+    }
+}
+
+fn version(verbose: bool) -> String {
+    let mut text = format!("quell {}", env!("CARGO_PKG_VERSION"));
+    if verbose {
+        let cores = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
+        text.push_str(&format!(
+            "\ninstruction set: {}\ncores: {cores}\nback ends: cpu, reference\nfeatures: cpu, threads\nadapters: none (no \
+             GPU back end in this version)",
+            instruction_set()
+        ));
+    }
+    text
+}

@@ -1,0 +1,79 @@
+//! `quell render`: a scene path traced to factored EXR frames, and denoised.
+
+use crate::args::{RenderArgs, SamplingArgs};
+use crate::context::Context;
+use crate::failure::Failure;
+use crate::sequence::files::Files;
+use crate::sequence::references::ReferenceSource;
+use crate::sequence::{FIRST_FRAME, Job};
+use quell::Size;
+use quell_frames::Precision;
+use quell_lab::cache::Cache;
+use quell_lab::references::ReferenceTarget;
+use quell_trace::{RenderOptions, Scene, builtin};
+
+pub fn run(context: &Context, args: RenderArgs) -> Result<(), Failure> {
+    let mut scene = builtin(&args.scene)?;
+    let camera = camera(&scene, &args.sampling.camera)?;
+    if let Some(exposure) = args.exposure {
+        scene.exposure = exposure;
+    }
+    let count = args.count.map_or(scene.frames, |count| count as usize);
+    let frames = match &args.frames {
+        Some(frames) => frames.numbers().to_vec(),
+        None => (FIRST_FRAME..).take(count).collect(),
+    };
+    let options = options(args.size, &args.sampling)?;
+    let references = match (args.reference, &args.reference_frames) {
+        (None, None) if args.reference_error.is_none() => ReferenceSource::None,
+        (spp, chosen) => {
+            let chosen = chosen.as_ref().map(|c| c.numbers().to_vec());
+            if let Some(missing) = chosen.iter().flatten().find(|f| !frames.contains(f)) {
+                return Err(Failure::Usage(format!("--reference-frames names frame {missing}, which is not rendered")));
+            }
+            let cache = Cache::default_place();
+            if let Some(cache) = &cache {
+                context.detail(&format!("references are kept in {}", cache.folder().display()));
+            }
+            let target = ReferenceTarget {
+                samples: spp.unwrap_or(DEFAULT_REFERENCE_SPP).div_ceil(2),
+                rel_mse: args.reference_error.map_or(0.0, f64::from),
+                ..ReferenceTarget::default()
+            };
+            ReferenceSource::Trace { target, frames: chosen, cache }
+        }
+    };
+    let colours = if args.half { Precision::Half } else { Precision::Float };
+    let files = Files { folder: args.output, exr: true, png: false, colours, overwrite: args.overwrite };
+    Job { scene, camera, frames, options, denoise: !args.no_denoise, references, files }.run(context)
+}
+
+/// Samples a pixel of a reference, both halves together, unless told otherwise.
+const DEFAULT_REFERENCE_SPP: u32 = 256;
+
+/// How light is sampled, from the command line.
+fn options(size: Size, sampling: &SamplingArgs) -> Result<RenderOptions, Failure> {
+    if !(sampling.indirect_clamp.is_finite() && sampling.indirect_clamp >= 0.0) {
+        let value = sampling.indirect_clamp;
+        return Err(Failure::Usage(format!("--indirect-clamp {value} is no luminance; 0 is no limit")));
+    }
+    Ok(RenderOptions {
+        samples: sampling.spp,
+        bounces: sampling.bounces,
+        seed: sampling.seed,
+        estimator: sampling.estimator,
+        direct_samples: sampling.direct_samples,
+        jitter: sampling.jitter,
+        indirect_clamp: sampling.indirect_clamp,
+        variances: sampling.spp > 1,
+        ..RenderOptions::new(size)
+    })
+}
+
+/// A camera of the scene, counted from 1.
+fn camera(scene: &Scene, text: &str) -> Result<usize, Failure> {
+    let count = scene.cameras.len();
+    text.parse().ok().filter(|n| (1..=count).contains(n)).ok_or_else(|| {
+        Failure::Usage(format!("camera `{text}` does not exist: scene `{}` has cameras 1 to {count}", scene.name))
+    })
+}

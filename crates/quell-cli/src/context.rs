@@ -1,0 +1,258 @@
+//! What a command runs on: settings, back end, where messages go, what is reported.
+
+use crate::args::Common;
+use crate::args::values::BackendChoice;
+use crate::failure::Failure;
+use crate::output;
+use quell::settings::PARAMETERS;
+use quell::{Backend, Preset, Settings};
+use quell_lab::report::Report;
+use serde_json::{Map, Value};
+use std::path::{Path, PathBuf};
+
+/// Resolved from the common options.
+#[derive(Debug)]
+pub struct Context {
+    pub verbose: bool,
+    pub quiet: bool,
+    pub json: bool,
+    pub report_file: Option<PathBuf>,
+    pub settings: Settings,
+    pub preset: Preset,
+    pub backend: Backend,
+    /// The command line as it was typed.
+    pub command: String,
+}
+
+impl Context {
+    /// Reads the settings file, resolves names, checks that the report can be written.
+    pub fn new(common: &Common) -> Result<Self, Failure> {
+        let file = common.settings.as_deref().map(SettingsFile::read).transpose()?.unwrap_or_default();
+        let preset_name = common.preset.as_deref().or(file.preset.as_deref());
+        let preset = preset_name.map_or(Ok(Preset::Paper), |name| name.parse())?;
+        let mut settings = Settings::preset(preset);
+        for (name, value) in &file.values {
+            let place = |e: quell::Error| Failure::Usage(format!("{}: {e}", file.path.display()));
+            settings.set(name, value).map_err(place)?;
+        }
+        for setting in &common.set {
+            settings.set(&setting.name, &setting.value)?;
+        }
+        if let Some(report) = &common.report {
+            output::check_file(report)?;
+        }
+        let backend = match common.backend.unwrap_or_default() {
+            BackendChoice::Auto | BackendChoice::Cpu => Backend::Cpu,
+            BackendChoice::Reference => Backend::Reference,
+        };
+        Ok(Self {
+            verbose: common.verbose,
+            quiet: common.quiet,
+            json: common.json,
+            report_file: common.report.clone(),
+            settings,
+            preset,
+            backend,
+            command: command_line(),
+        })
+    }
+
+    /// Something that the user should know; on standard error.
+    pub fn note(&self, message: &str) {
+        if !self.quiet {
+            eprintln!("{message}");
+        }
+    }
+
+    /// Something that the user wants to know with `-v`.
+    pub fn detail(&self, message: &str) {
+        if self.verbose {
+            eprintln!("{message}");
+        }
+    }
+
+    /// What denoised frames are called in tables: `quell:paper`, and whether parameters were changed.
+    pub fn method(&self) -> String {
+        let changed = if self.settings == Settings::preset(self.preset) { "" } else { ", changed" };
+        format!("quell:{}{changed}", self.preset.name())
+    }
+
+    /// A report with the settings in force.
+    pub fn report(&self) -> Report {
+        let mut report = Report::new(self.command.clone());
+        report.machine.instruction_set = instruction_set();
+        report.settings.insert("preset".to_owned(), self.preset.name().into());
+        report.settings.insert("backend".to_owned(), backend_name(self.backend).into());
+        for parameter in PARAMETERS {
+            if let Ok(value) = self.settings.get(parameter.name) {
+                report.settings.insert(parameter.name.to_owned(), value.into());
+            }
+        }
+        report
+    }
+
+    /// Writes the report where the user wants it: `text` for a person, or JSON on standard output; and the file.
+    /// `further` are fields beside those of the report.
+    pub fn finish(&self, report: &Report, further: Map<String, Value>, text: &str) -> Result<(), Failure> {
+        let json = with_further(report, further)?;
+        if let Some(file) = &self.report_file {
+            quell_frames::files::write_bytes(file, json.as_bytes())?;
+        }
+        output::print(if self.json { &json } else { text })
+    }
+}
+
+/// The report as JSON, with further fields behind its own.
+fn with_further(report: &Report, further: Map<String, Value>) -> Result<String, Failure> {
+    let wrong = |e: serde_json::Error| Failure::Failed(format!("cannot write the report as JSON: {e}"));
+    if further.is_empty() {
+        return Ok(report.to_json()?);
+    }
+    let mut value = serde_json::to_value(report).map_err(wrong)?;
+    if let Value::Object(object) = &mut value {
+        object.extend(further);
+    }
+    serde_json::to_string_pretty(&value).map(|text| text + "\n").map_err(wrong)
+}
+
+/// Name of a back end on the command line.
+pub fn backend_name(backend: Backend) -> &'static str {
+    match backend {
+        Backend::Cpu => "cpu",
+        Backend::Reference => "reference",
+    }
+}
+
+/// The command line, words with spaces in quotes.
+fn command_line() -> String {
+    let quoted = |word: std::ffi::OsString| {
+        let word = word.to_string_lossy().into_owned();
+        let plain = !word.is_empty() && !word.contains(|c: char| c.is_whitespace() || c == '"' || c == '\'');
+        if plain { word } else { format!("'{}'", word.replace('\'', r"'\''")) }
+    };
+    std::iter::once("quell".to_owned()).chain(std::env::args_os().skip(1).map(quoted)).collect::<Vec<_>>().join(" ")
+}
+
+/// The widest vector instructions of this machine that matter here.
+pub fn instruction_set() -> String {
+    #[cfg(target_arch = "x86_64")]
+    {
+        let level = if std::arch::is_x86_feature_detected!("avx512f") {
+            "avx512"
+        } else if std::arch::is_x86_feature_detected!("avx2") && std::arch::is_x86_feature_detected!("fma") {
+            "avx2"
+        } else if std::arch::is_x86_feature_detected!("sse4.2") {
+            "sse4.2"
+        } else {
+            "sse2"
+        };
+        format!("x86_64 {level}")
+    }
+    #[cfg(not(target_arch = "x86_64"))]
+    {
+        std::env::consts::ARCH.to_owned()
+    }
+}
+
+/// A TOML file of parameters: one table a group, and `preset` above them.
+#[derive(Debug, Default)]
+struct SettingsFile {
+    path: PathBuf,
+    preset: Option<String>,
+    values: Vec<(String, String)>,
+}
+
+impl SettingsFile {
+    fn read(path: &Path) -> Result<Self, Failure> {
+        let text = std::fs::read_to_string(path)
+            .map_err(|e| Failure::Failed(format!("cannot read {}: {e}", path.display())))?;
+        Self::parse(&text, path).map_err(|e| Failure::Usage(format!("{}: {e}", path.display())))
+    }
+
+    fn parse(text: &str, path: &Path) -> Result<Self, String> {
+        let table: toml::Table = text.parse().map_err(|e: toml::de::Error| e.to_string().trim_end().to_owned())?;
+        let mut file = Self { path: path.to_owned(), ..Self::default() };
+        for (group, value) in table {
+            match value {
+                toml::Value::String(name) if group == "preset" => file.preset = Some(name),
+                toml::Value::Table(parameters) => {
+                    for (name, value) in parameters {
+                        let full = format!("{group}.{name}");
+                        let text = match value {
+                            toml::Value::String(text) => text,
+                            toml::Value::Integer(number) => number.to_string(),
+                            toml::Value::Float(number) => number.to_string(),
+                            toml::Value::Boolean(on) => if on { "on" } else { "off" }.to_owned(),
+                            other => return Err(format!("`{full}` is a {}, not a value", other.type_str())),
+                        };
+                        file.values.push((full, text));
+                    }
+                }
+                _ => {
+                    return Err(format!(
+                        "`{group}` stands outside a table; write [stage] and under it parameter = value"
+                    ));
+                }
+            }
+        }
+        Ok(file)
+    }
+}
+
+/// Settings as a file that `--settings` takes.
+pub fn settings_toml(preset: Preset, settings: &Settings) -> String {
+    let mut text = format!("preset = \"{}\"\n", preset.name());
+    let mut group = "";
+    for parameter in PARAMETERS {
+        let Ok(value) = settings.get(parameter.name) else { continue };
+        if parameter.group != group {
+            group = parameter.group;
+            text.push_str(&format!("\n[{group}]\n"));
+        }
+        let short = parameter.name.rsplit('.').next().unwrap_or(parameter.name);
+        let plain = value.parse::<f64>().is_ok_and(f64::is_finite);
+        text.push_str(&if plain { format!("{short} = {value}\n") } else { format!("{short} = \"{value}\"\n") });
+    }
+    text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn settings_survive_the_file() {
+        let mut settings = Settings::preset(Preset::Paper);
+        for parameter in PARAMETERS {
+            // The last sample differs from most defaults.
+            settings.set(parameter.name, parameter.samples().last().unwrap()).unwrap();
+        }
+        let text = settings_toml(Preset::Paper, &settings);
+        let file = SettingsFile::parse(&text, Path::new("x.toml")).unwrap();
+        assert_eq!(file.preset.as_deref(), Some("paper"));
+        assert_eq!(file.values.len(), PARAMETERS.len());
+        let mut back = Settings::preset(Preset::Paper);
+        file.values.iter().for_each(|(name, value)| back.set(name, value).unwrap());
+        assert_eq!(back, settings);
+    }
+
+    #[test]
+    fn a_bad_file_says_what_is_wrong() {
+        let error = |text: &str| SettingsFile::parse(text, Path::new("x.toml")).unwrap_err();
+        assert!(error("alpha = 0.5").contains("outside a table"));
+        assert!(error("[a]\nb = [1]").contains("a.b"));
+        assert!(error("[a\n").contains("line 1"));
+        let file = SettingsFile::parse("[firefly]\nenabled = false\n[x]\ny = 2", Path::new("x.toml")).unwrap();
+        assert!(file.values.contains(&("firefly.enabled".to_owned(), "off".to_owned())));
+    }
+
+    #[test]
+    fn further_fields_stand_beside_the_report() {
+        let mut further = Map::new();
+        further.insert("scenes".to_owned(), Value::Array(Vec::new()));
+        let json = with_further(&Report::new("quell scenes"), further).unwrap();
+        let value: Value = serde_json::from_str(&json).unwrap();
+        assert_eq!(value["format"], 1);
+        assert!(value["scenes"].is_array());
+    }
+}
