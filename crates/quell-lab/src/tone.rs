@@ -110,9 +110,22 @@ impl Picture {
         let (x, y) = (x.min(x1), y.min(y1));
         let mut rgb = Vec::with_capacity(3 * (x1 - x) * (y1 - y));
         for row in y..y1 {
-            rgb.extend_from_slice(&self.rgb[3 * (row * self.size.width + x)..3 * (row * self.size.width + x1)]);
+            let range = 3 * (row * self.size.width + x)..3 * (row * self.size.width + x1);
+            // Bytes that do not fit the extent are found out when the part is encoded.
+            rgb.extend_from_slice(self.rgb.get(range).unwrap_or(&[]));
         }
         Self { size: Size::new(x1 - x, y1 - y), rgb }
+    }
+
+    /// Whether the bytes fit the extent.
+    ///
+    /// # Errors
+    /// [`Error::Encode`] where they do not.
+    pub fn check(&self) -> Result<(), Error> {
+        if self.rgb.len() == 3 * self.size.pixels() {
+            return Ok(());
+        }
+        Err(Error::Encode { size: self.size, reason: format!("{} bytes do not fit", self.rgb.len()) })
     }
 
     /// As a PNG file.

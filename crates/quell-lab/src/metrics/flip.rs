@@ -60,6 +60,8 @@ const ACES: [f64; 6] = [0.6 * 0.6 * 2.51, 0.6 * 0.03, 0.0, 0.6 * 0.6 * 2.43, 0.6
 const BRIGHTEST_PERCENTILE: f64 = 0.999;
 /// More stops than this show nothing that a viewer would meet.
 const MOST_STOPS: f64 = 16.0;
+/// Exposures are never more than these, whatever range is asked for.
+const MOST_PICTURES: usize = 64;
 /// Light is clamped to this before the curve, so that its square stays finite.
 const LARGEST_LIGHT: f32 = 1e9;
 
@@ -91,10 +93,10 @@ pub struct Exposures {
 }
 
 impl Exposures {
-    /// From `start` to `stop` with the papers' number of exposures, max(2, ceil(stop - start)).
+    /// From `start` to `stop` with the papers' number of exposures, max(2, ceil(stop - start)), at most 64.
     pub fn new(start: f64, stop: f64) -> Self {
         let stop = stop.max(start);
-        Self { start, stop, count: ((stop - start).ceil() as usize).max(2) }
+        Self { start, stop, count: ((stop - start).ceil() as usize).clamp(2, MOST_PICTURES) }
     }
 
     /// From the luminances that shall be shown at 0.85 in the darkest (`brightest`) and in the brightest picture

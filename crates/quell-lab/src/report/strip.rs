@@ -86,6 +86,7 @@ fn assembled(panels: &[&[Picture]], options: &StripOptions) -> Result<Vec<Pictur
     let mut rows = None;
     let mut frames: Vec<Vec<Picture>> = vec![Vec::new(); count];
     for panel in panels {
+        panel.iter().try_for_each(Picture::check)?;
         let last = panel.len().checked_sub(1).ok_or_else(empty)?;
         let scaled: Vec<Picture> = panel.iter().map(|p| averaged_down(p, options.panel_width_px)).collect();
         for (i, frame) in frames.iter_mut().enumerate() {
