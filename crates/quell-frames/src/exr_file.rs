@@ -1,9 +1,13 @@
 //! Channels and attributes of an EXR file. Knows the file format, and no role of any channel.
 
 use crate::error::Error;
+use exr::block::UncompressedBlock;
+use exr::block::writer::ChunksWriter;
+use exr::image::write::layers::{LayersWriter, WritableLayers};
 use exr::prelude as x;
-use exr::prelude::{ReadChannels, ReadLayers, WritableImage};
+use exr::prelude::{ReadChannels, ReadLayers};
 use quell::Size;
+use rayon::prelude::*;
 use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::{BufReader, BufWriter};
@@ -31,6 +35,9 @@ pub(crate) struct ExrPart {
 /// lengths before it (DWA) multiply that, but only in files of kilobytes. Together with the fixed part this lets every
 /// real file pass and a header of 400 bytes claim no more than a mebibyte or so.
 const PIXEL_BYTES_PER_FILE_BYTE: u128 = 2200;
+
+/// Blocks of 16 lines that are held compressed before they are written: enough for many threads, little memory.
+const BLOCKS_AT_ONCE: usize = 64;
 
 /// Header attributes only.
 pub(crate) fn read_attributes(path: &Path) -> Result<BTreeMap<String, AttributeValue>, Error> {
@@ -124,7 +131,9 @@ fn check_header(path: &Path, meta: &exr::meta::MetaData, file_bytes: u64) -> Res
 
 /// Writes one part, ZIP in blocks of 16 lines, scene-linear Rec. 709.
 ///
-/// One thread: exr would build a thread pool of its own a file; whoever wants more writes several files at once.
+/// Blocks are compressed in the caller's thread pool (exr would build one of its own for each file) and written in
+/// order: the same pixel bytes at any number of threads. (The order of header attributes varies: exr keeps them in a
+/// hash map.)
 pub(crate) fn write_part(path: &Path, writer: &mut BufWriter<File>, part: ExrPart) -> Result<(), Error> {
     let ExrPart { size, channels, attributes } = part;
     let mut list = exr::prelude::SmallVec::new();
@@ -159,7 +168,23 @@ pub(crate) fn write_part(path: &Path, writer: &mut BufWriter<File>, part: ExrPar
         blue: x::Vec2(0.15, 0.06),
         white: x::Vec2(0.3127, 0.3290),
     });
-    image.write().non_parallel().to_buffered(writer).map_err(|e| Error::from_exr(path, "write", e))
+
+    let headers = image.layer_data.infer_headers(&image.attributes);
+    let layers = image.layer_data.create_writer(&headers);
+    exr::block::write(writer, headers, true, |meta, chunks| {
+        let blocks: Vec<_> = meta.enumerate_ordered_header_block_indices().collect();
+        for some in blocks.chunks(BLOCKS_AT_ONCE) {
+            let compressed = some.par_iter().map(|&(number, index)| {
+                let data = layers.extract_uncompressed_block(&meta.headers, index);
+                Ok((number, UncompressedBlock { index, data }.compress_to_chunk(&meta.headers)?))
+            });
+            for (number, chunk) in compressed.collect::<exr::error::Result<Vec<_>>>()? {
+                chunks.write_chunk(number, chunk)?;
+            }
+        }
+        Ok(())
+    })
+    .map_err(|e| Error::from_exr(path, "write", e))
 }
 
 /// A header text: UTF-8, as other programs write it (the format itself says only "bytes").
