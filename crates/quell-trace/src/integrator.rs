@@ -318,15 +318,16 @@ impl Integrator<'_, '_> {
     ) -> Incoming {
         let mut sampler = sampler.fork(Domain::Matte as u32);
         let wi = bsdf.sample_matte(sampler.next_2d());
-        let ratio = bsdf.exact_matte_ratio(wi);
-        if ratio.max_element() <= 0.0 {
+        if bsdf.normal().dot(wi) <= 0.0 || bsdf.geometric_normal().dot(wi) <= 0.0 {
             // Below the geometric surface. A hit distance of 0 keeps filters from reaching out.
             return Incoming { radiance: Vec3::ZERO, distance: 0.0 };
         }
         // Every source is sampled by the direct term: the first segment carries none.
         let mut incoming = self.incoming(point.ray_origin(wi), wi, Seen::Share(0.0), self.bounces, &mut sampler, rays);
-        if exact {
-            incoming.radiance *= ratio;
+        // A metal's matte weight is 0, and so would the ratio be; M is still the light there, so that no black bleeds
+        // into its neighbours.
+        if exact && bsdf.matte_weight().max_element() > 0.0 {
+            incoming.radiance *= bsdf.exact_matte_ratio(wi);
         }
         incoming
     }

@@ -1,5 +1,6 @@
 //! Tests of the tracer from outside: physics, agreement of estimators, determinism, bad input.
 
 mod estimators;
+mod guides;
 mod robustness;
 mod scenes;
