@@ -7,6 +7,7 @@
 
 use crate::bsdf::Bsdf;
 use crate::material::MaterialModel;
+use crate::primary::{self, PrimaryReplacement};
 use crate::sampler::Sampler;
 use crate::sources::Sources;
 use crate::warp::ONE_MINUS_EPSILON;
@@ -39,6 +40,8 @@ pub(crate) enum Domain {
     DirectMatte,
     DirectGlossy,
     Transmission,
+    /// This and the following, one for each interface of glass.
+    BehindGlass,
 }
 
 /// What a segment's end adds when it meets a source.
@@ -86,6 +89,8 @@ pub(crate) struct Integrator<'w, 's> {
     pub(crate) model: MaterialModel,
     /// Scatterings after the primary surface.
     pub(crate) bounces: u32,
+    /// Surfaces that the eye looks through.
+    pub(crate) replacement: PrimaryReplacement,
 }
 
 /// Share of a lamp's light that the glossy signal carries at its first hit; the direct term carries the rest.
@@ -116,17 +121,39 @@ impl Integrator<'_, '_> {
     /// Radiance that arrives along a ray, from surfaces that it meets and scatters at at most `scatterings` times.
     pub(crate) fn incoming(
         &self,
-        mut origin: Vec3,
-        mut direction: Vec3,
-        mut seen: Seen,
+        origin: Vec3,
+        direction: Vec3,
+        seen: Seen,
         scatterings: u32,
         sampler: &mut Sampler,
         rays: &mut RayCounts,
     ) -> Incoming {
+        self.walk(origin, direction, seen, scatterings, false, sampler, rays)
+    }
+
+    /// The full integral along an eye ray by one ordinary path. Surfaces that are looked through do not count as
+    /// scatterings, as they do not for the factored estimators.
+    pub(crate) fn full(&self, origin: Vec3, direction: Vec3, sampler: &mut Sampler, rays: &mut RayCounts) -> Vec3 {
+        self.walk(origin, direction, Seen::Share(1.0), self.bounces + 1, true, sampler, rays).radiance
+    }
+
+    #[expect(clippy::too_many_arguments, reason = "the state of a path")]
+    fn walk(
+        &self,
+        mut origin: Vec3,
+        mut direction: Vec3,
+        mut seen: Seen,
+        mut scatterings: u32,
+        mut from_eye: bool,
+        sampler: &mut Sampler,
+        rays: &mut RayCounts,
+    ) -> Incoming {
+        let mut chain = 0;
         let mut throughput = Vec3::ONE;
         let mut radiance = Vec3::ZERO;
         let mut distance = f32::INFINITY;
-        for segment in 0..=scatterings {
+        let mut segment = 0;
+        loop {
             let last = segment == scatterings;
             if last && segment > 0 && (!self.sources.can_be_hit() || matches!(seen, Seen::Share(0.0))) {
                 break;
@@ -174,8 +201,20 @@ impl Integrator<'_, '_> {
             }
             let Some(next) = bsdf.sample_full(sampler.next_3d()) else { break };
             throughput *= next.value_times_cos_over_pdf;
+            // A path that goes on where the eye looks through has not been scattered yet.
+            from_eye &= chain < primary::MAX_CHAIN
+                && emission.max_element() <= 0.0
+                && match primary::link(&bsdf, self.replacement) {
+                    Some(primary::Link::Transmitted { .. }) => next.transmitted,
+                    Some(primary::Link::Mirrored { .. }) => true,
+                    None => false,
+                };
+            if from_eye {
+                chain += 1;
+                scatterings += 1;
+            }
             let roulette = sampler.next_1d();
-            if segment + 1 >= ROULETTE_FROM {
+            if segment + 1 >= ROULETTE_FROM && !from_eye {
                 let survival = throughput.max_element().clamp(ROULETTE_FLOOR, 1.0);
                 if roulette >= survival {
                     break;
@@ -192,6 +231,7 @@ impl Integrator<'_, '_> {
             } else {
                 Seen::Balanced { pdf: next.pdf, point: point.position, normal: light_side(&bsdf) }
             };
+            segment += 1;
         }
         Incoming { radiance, distance }
     }

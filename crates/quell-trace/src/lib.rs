@@ -20,6 +20,7 @@ mod integrator;
 pub mod lights;
 pub mod material;
 pub mod pattern;
+mod primary;
 pub mod sampler;
 pub mod scene;
 pub mod shapes;
@@ -33,6 +34,7 @@ pub use builtin::{SceneInfo, builtin, builtin_scenes};
 pub use integrator::RayCounts;
 pub use material::{Material, MaterialModel};
 pub use pattern::Pattern;
+pub use primary::PrimaryReplacement;
 pub use scene::{CameraPath, Instance, Mesh, PointlikeLight, Scene, SceneError, Surface};
 pub use tracer::{
     Control, Estimator, Half, Reference, ReferenceKind, RenderOptions, Rendered, SIZE_LIMIT, TRACER_VERSION,

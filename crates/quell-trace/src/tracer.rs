@@ -1,15 +1,15 @@
 //! [`Tracer`]: one frame of a scene, rendered to the planes that the denoiser reads, or to a reference.
 
-use crate::bsdf::Bsdf;
 use crate::hash::Hash;
-use crate::integrator::{Domain, Integrator, RayCounts, Seen};
-use crate::material::MaterialModel;
+use crate::integrator::{Domain, Incoming, Integrator, RayCounts};
+use crate::material::{MIRROR_ROUGHNESS, MaterialModel};
+use crate::primary::{Guides, Primary, PrimaryReplacement, Vertex, Views};
 use crate::sampler::Sampler;
 use crate::scene::{Scene, SceneError};
 use crate::sources::Sources;
-use crate::world::{SurfacePoint, World};
+use crate::world::World;
 use glam::{Vec2, Vec3};
-use quell::{Camera, FrameBuf, Plane, Projection, Rgb, Size};
+use quell::{Camera, FrameBuf, Plane, Rgb, Size};
 use rayon::prelude::*;
 use std::ops::Range;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -54,6 +54,8 @@ pub struct RenderOptions {
     pub indirect_clamp: f32,
     /// Switches of the material model.
     pub model: MaterialModel,
+    /// Which surfaces the eye looks through before guides are taken.
+    pub primary_replacement: PrimaryReplacement,
     /// Whether the variance of the pixel's mean is estimated for both signals (needs `samples` >= 2).
     pub variances: bool,
 }
@@ -71,6 +73,7 @@ impl RenderOptions {
             jitter: false,
             indirect_clamp: 0.0,
             model: MaterialModel::default(),
+            primary_replacement: PrimaryReplacement::default(),
             variances: false,
         }
     }
@@ -216,6 +219,7 @@ pub fn scene_hash(scene: &Scene, options: &RenderOptions) -> String {
     hash.number(u64::from(options.indirect_clamp.to_bits()));
     hash.number(u64::from(options.model.fresnel_strength.to_bits()));
     hash.number(u64::from(options.model.fresnel_rough_damping));
+    hash.number(options.primary_replacement as u64);
     format!("{:016x}", hash.finish())
 }
 
@@ -239,33 +243,6 @@ struct PixelValue {
     glossy_distance: f32,
     matte_variance: f32,
     glossy_variance: f32,
-}
-
-/// What is known of a pixel's primary surface without noise.
-#[derive(Clone, Copy)]
-struct Guides {
-    matte_weight: Vec3,
-    glossy_weight: Vec3,
-    view_depth: f32,
-    normal: Vec3,
-    roughness: f32,
-    motion: Vec2,
-    surface_id: u32,
-}
-
-/// The cameras of a frame, for one image size.
-struct Views {
-    camera: Camera,
-    previous_camera: Camera,
-    now: Projection,
-    before: Projection,
-}
-
-/// The primary surface of a pixel.
-struct Primary {
-    point: SurfacePoint,
-    bsdf: Bsdf,
-    guides: Guides,
 }
 
 fn luminance(c: Vec3) -> f32 {
@@ -362,7 +339,13 @@ impl<'s> Tracer<'s> {
     }
 
     fn integrator(&self, options: &RenderOptions) -> Integrator<'_, 's> {
-        Integrator { world: &self.world, sources: &self.sources, model: options.model, bounces: options.bounces }
+        Integrator {
+            world: &self.world,
+            sources: &self.sources,
+            model: options.model,
+            bounces: options.bounces,
+            replacement: options.primary_replacement,
+        }
     }
 
     /// Traces the frame.
@@ -431,7 +414,7 @@ impl<'s> Tracer<'s> {
             frame.matte_variance = Some(matte_variance);
             frame.glossy_variance = Some(glossy_variance);
         }
-        Ok(Rendered { frame, rays, notes: self.notes() })
+        Ok(Rendered { frame, rays, notes: self.notes(options.primary_replacement) })
     }
 
     /// Traces samples `samples` (a range, so that a reference can be continued) of one half of a reference, from the
@@ -481,7 +464,7 @@ impl<'s> Tracer<'s> {
     }
 
     /// What the frame does not model.
-    fn notes(&self) -> Vec<String> {
+    fn notes(&self, replacement: PrimaryReplacement) -> Vec<String> {
         let mut notes = Vec::new();
         if self.world.degenerate_triangles > 0 {
             notes.push(format!("{} triangles without area were left out", self.world.degenerate_triangles));
@@ -489,51 +472,36 @@ impl<'s> Tracer<'s> {
         if self.sources.is_empty() {
             notes.push("the scene has no light: the picture is black".to_owned());
         }
-        if self.scene.surfaces.iter().any(|s| s.material.is_transmissive()) {
+        let transmits = |smooth: bool| {
+            self.scene.surfaces.iter().any(|s| {
+                let m = &s.material;
+                let looked_through = m.roughness < MIRROR_ROUGHNESS && m.transmission >= 1.0;
+                m.is_transmissive() && smooth == (looked_through && replacement != PrimaryReplacement::Off)
+            })
+        };
+        if transmits(true) {
             notes.push(
-                "light through transmitting surfaces is traced into the direct term and is not denoised".to_owned(),
+                "behind smooth glass the guides are those of the surface seen through it: the glossy signal carries the \
+                 glass's own reflection, and the far surface's glossy lobe is traced into the direct term, not denoised"
+                    .to_owned(),
+            );
+        }
+        if transmits(false) {
+            notes.push(
+                "light through rough or partly transmitting surfaces is traced into the direct term and not denoised"
+                    .to_owned(),
             );
         }
         notes
     }
 
-    /// The point and direction of a pixel's ray.
-    fn primary_ray(views: &Views, x: usize, y: usize) -> (Vec3, Vec3) {
-        let jitter = Vec2::from(views.camera.jitter);
-        let pixel = Vec2::new(x as f32 + 0.5, y as f32 + 0.5) + jitter;
-        let direction = views.now.ray_direction(pixel).normalize_or(views.now.forward);
-        (views.now.ray_origin(pixel), direction)
+    /// Where a pixel's sample lies in this frame.
+    fn sample_position(views: &Views, x: usize, y: usize) -> Vec2 {
+        Vec2::new(x as f32 + 0.5, y as f32 + 0.5) + Vec2::from(views.camera.jitter)
     }
 
-    /// The primary surface, or the direction of the background.
-    fn primary(
-        &self,
-        integrator: &Integrator<'_, '_>,
-        views: &Views,
-        x: usize,
-        y: usize,
-        rays: &mut RayCounts,
-    ) -> Result<Primary, (Vec3, Guides)> {
-        let (origin, direction) = Self::primary_ray(views, x, y);
-        rays.closest += 1;
-        let Some(hit) = self.world.geometry.closest(origin, direction) else {
-            return Err((direction, background(views, direction)));
-        };
-        let point = self.world.surface_point(&hit, direction);
-        let bsdf = integrator.bsdf(&point, direction);
-        let guides = Guides {
-            matte_weight: bsdf.matte_weight(),
-            glossy_weight: bsdf.glossy_weight(),
-            view_depth: views.now.view_depth(point.position).max(f32::MIN_POSITIVE),
-            normal: bsdf.normal(),
-            roughness: point.material.roughness.clamp(0.0, 1.0),
-            motion: motion(views, point.position, self.world.previous_position(&point)),
-            surface_id: point.instance + 1,
-        };
-        Ok(Primary { point, bsdf, guides })
-    }
-
-    /// What needs no filter at a primary surface: emission, direct light, light through the surface.
+    /// What needs no filter: background, emission, direct light, light through a surface that is not looked through;
+    /// and behind glass, what the two signals do not carry.
     fn unfiltered(
         &self,
         integrator: &Integrator<'_, '_>,
@@ -543,19 +511,59 @@ impl<'s> Tracer<'s> {
         sampler: &Sampler,
         rays: &mut RayCounts,
     ) -> Vec3 {
-        let Primary { point, bsdf, .. } = primary;
-        let mut light = point.material.emitted(point.front);
-        light += integrator.direct(point, bsdf, direct_samples, pass, sampler, rays);
-        if bsdf.is_transmissive() {
-            let count = direct_samples.div_ceil(4).max(1);
+        let count = direct_samples.div_ceil(4).max(1);
+        let stream = |i: u32| sampler.with_index(pass.wrapping_mul(count).wrapping_add(i));
+        let mut light = Vec3::ZERO;
+        match &primary.surface {
+            None => {
+                let (direction, throughput) = primary.escape;
+                light += throughput * self.sources.environment(direction);
+            }
+            Some(Vertex { point, bsdf, throughput }) => {
+                let mut own = point.material.emitted(point.front);
+                own += integrator.direct(point, bsdf, direct_samples, pass, sampler, rays);
+                let mut through = Vec3::ZERO;
+                for i in 0..count {
+                    if bsdf.is_transmissive() {
+                        through += integrator.transmission_path(point, bsdf, &stream(i), rays);
+                    }
+                    if !primary.glass.is_empty() {
+                        // The glossy signal is taken by the glass: this surface's own lobe is traced unfiltered.
+                        let sampler = stream(i).fork(Domain::BehindGlass as u32);
+                        let path = integrator.glossy_path(point, bsdf, true, &sampler, rays);
+                        through += bsdf.glossy_weight() * path.radiance;
+                    }
+                }
+                light += *throughput * (own + through / count as f32);
+            }
+        }
+        // Reflections of glass that no signal carries: all but the first, or all before a background.
+        let carried = usize::from(primary.surface.is_some());
+        for (number, vertex) in primary.glass.iter().enumerate().skip(carried) {
             let mut sum = Vec3::ZERO;
             for i in 0..count {
-                let sampler = sampler.with_index(pass.wrapping_mul(count).wrapping_add(i));
-                sum += integrator.transmission_path(point, bsdf, &sampler, rays);
+                let sampler = stream(i).fork(Domain::BehindGlass as u32 + 1 + number as u32);
+                let path = integrator.glossy_path(&vertex.point, &vertex.bsdf, true, &sampler, rays);
+                sum += vertex.bsdf.glossy_weight() * path.radiance;
             }
-            light += sum / count as f32;
+            light += vertex.throughput * sum / count as f32;
         }
         light
+    }
+
+    /// One matte and one glossy path of a primary surface.
+    fn signals(
+        integrator: &Integrator<'_, '_>,
+        primary: &Primary,
+        surface: &Vertex,
+        exact: bool,
+        sampler: &Sampler,
+        rays: &mut RayCounts,
+    ) -> (Incoming, Incoming) {
+        let matte = integrator.matte_path(&surface.point, &surface.bsdf, exact, sampler, rays);
+        let reflecting = primary.glass.first().unwrap_or(surface);
+        let glossy = integrator.glossy_path(&reflecting.point, &reflecting.bsdf, exact, sampler, rays);
+        (matte, glossy)
     }
 
     fn pixel(
@@ -567,39 +575,26 @@ impl<'s> Tracer<'s> {
         y: usize,
         rays: &mut RayCounts,
     ) -> PixelValue {
-        let primary = match self.primary(integrator, views, x, y, rays) {
-            Ok(primary) => primary,
-            Err((direction, guides)) => {
-                return PixelValue {
-                    direct: self.sources.environment(direction),
-                    matte: Vec3::ZERO,
-                    glossy: Vec3::ZERO,
-                    guides,
-                    matte_distance: f32::INFINITY,
-                    glossy_distance: f32::INFINITY,
-                    matte_variance: 0.0,
-                    glossy_variance: 0.0,
-                };
-            }
-        };
+        let primary = integrator.primary(views, Self::sample_position(views, x, y), rays);
         let exact = options.estimator == Estimator::Exact;
         let pixel = (x as u32, y as u32);
         let mut matte = Moments::default();
         let mut glossy = Moments::default();
         let (mut matte_luminance, mut glossy_luminance) = (Moments::default(), Moments::default());
         let mut distances = (f32::INFINITY, f32::INFINITY);
-        for sample in 0..options.samples.max(1) {
-            let sampler = Sampler::new(pixel, self.frame, sample, options.seed);
-            let m = integrator.matte_path(&primary.point, &primary.bsdf, exact, &sampler, rays);
-            let g = integrator.glossy_path(&primary.point, &primary.bsdf, exact, &sampler, rays);
-            if sample == 0 {
-                distances = (m.distance, g.distance);
+        if let Some(surface) = &primary.surface {
+            for sample in 0..options.samples.max(1) {
+                let sampler = Sampler::new(pixel, self.frame, sample, options.seed);
+                let (m, g) = Self::signals(integrator, &primary, surface, exact, &sampler, rays);
+                if sample == 0 {
+                    distances = (m.distance, g.distance);
+                }
+                let (m, g) = (capped(m.radiance, options.indirect_clamp), capped(g.radiance, options.indirect_clamp));
+                matte.push(m);
+                glossy.push(g);
+                matte_luminance.push(Vec3::splat(luminance(m)));
+                glossy_luminance.push(Vec3::splat(luminance(g)));
             }
-            let (m, g) = (capped(m.radiance, options.indirect_clamp), capped(g.radiance, options.indirect_clamp));
-            matte.push(m);
-            glossy.push(g);
-            matte_luminance.push(Vec3::splat(luminance(m)));
-            glossy_luminance.push(Vec3::splat(luminance(g)));
         }
         let sampler = Sampler::new(pixel, self.frame, 0, options.seed);
         PixelValue {
@@ -632,31 +627,29 @@ impl<'s> Tracer<'s> {
         let mut parts = [Moments64::default(); 3];
         match kind {
             ReferenceKind::FullIntegral => {
-                let (origin, direction) = Self::primary_ray(views, x, y);
+                let position = Self::sample_position(views, x, y);
+                let origin = views.now.ray_origin(position);
+                let direction = views.now.ray_direction(position).normalize_or(views.now.forward);
                 for sample in samples {
                     let mut sampler = Sampler::new(pixel, self.frame, sample, seed).fork(Domain::Full as u32);
-                    let scatterings = options.bounces + 1;
-                    let incoming =
-                        integrator.incoming(origin, direction, Seen::Share(1.0), scatterings, &mut sampler, rays);
-                    beauty.push(incoming.radiance);
+                    beauty.push(integrator.full(origin, direction, &mut sampler, rays));
                 }
             }
             ReferenceKind::Factored => {
-                let primary = match self.primary(integrator, views, x, y, rays) {
-                    Ok(primary) => primary,
-                    Err((direction, _)) => {
-                        let radiance = self.sources.environment(direction);
-                        return (radiance, radiance, Vec3::ZERO, Vec3::ZERO, Vec3::ZERO);
-                    }
-                };
+                let primary = integrator.primary(views, Self::sample_position(views, x, y), rays);
                 let exact = options.estimator == Estimator::Exact;
                 // One pass of the direct term serves several paths: it has less noise.
                 let direct_samples = options.direct_samples.min(REFERENCE_DIRECT_SAMPLES);
                 for sample in samples {
                     let sampler = Sampler::new(pixel, self.frame, sample, seed);
                     let direct = self.unfiltered(integrator, &primary, direct_samples, sample, &sampler, rays);
-                    let m = integrator.matte_path(&primary.point, &primary.bsdf, exact, &sampler, rays).radiance;
-                    let g = integrator.glossy_path(&primary.point, &primary.bsdf, exact, &sampler, rays).radiance;
+                    let (m, g) = match &primary.surface {
+                        None => (Vec3::ZERO, Vec3::ZERO),
+                        Some(surface) => {
+                            let (m, g) = Self::signals(integrator, &primary, surface, exact, &sampler, rays);
+                            (m.radiance, g.radiance)
+                        }
+                    };
                     let Guides { matte_weight, glossy_weight, .. } = primary.guides;
                     beauty.push(direct + matte_weight * m + glossy_weight * g);
                     for (moments, value) in parts.iter_mut().zip([direct, m, g]) {
@@ -714,37 +707,6 @@ fn jitter_of(frame: i64) -> [f32; 2] {
         value
     };
     [radical_inverse(2) - 0.5, radical_inverse(3) - 0.5]
-}
-
-/// Pixels from where a point is seen now to where it was seen one frame before; NaN where it was behind the eye.
-fn motion(views: &Views, now: Vec3, before: Vec3) -> Vec2 {
-    match (views.now.pixel(now), views.before.pixel(before)) {
-        // Both through the same arithmetic: what does not move moves by exactly 0.
-        (Some(now), Some(before)) => before - now,
-        _ => Vec2::NAN,
-    }
-}
-
-/// Guides where nothing is hit: only the camera's rotation moves what is infinitely far away.
-fn background(views: &Views, direction: Vec3) -> Guides {
-    let motion = match (views.now.perspective, views.before.perspective) {
-        (true, true) => match (views.now.pixel_of_direction(direction), views.before.pixel_of_direction(direction)) {
-            (Some(now), Some(before)) => before - now,
-            _ => Vec2::NAN,
-        },
-        // An orthographic camera sees one direction everywhere: unknown unless it did not turn.
-        (false, false) if views.now.forward == views.before.forward => Vec2::ZERO,
-        _ => Vec2::NAN,
-    };
-    Guides {
-        matte_weight: Vec3::ZERO,
-        glossy_weight: Vec3::ZERO,
-        view_depth: f32::INFINITY,
-        normal: Vec3::ZERO,
-        roughness: 1.0,
-        motion,
-        surface_id: 0,
-    }
 }
 
 /// Computes all pixels on rayon's current threads, band by band, and stores them in order. Each pixel depends on

@@ -254,6 +254,33 @@ impl<'s> World<'s> {
         let Vec2 { x: u, y: v } = point.barycentric;
         placed.previous_transform.transform_point3(a * (1.0 - u - v) + b * u + c * v)
     }
+
+    /// A normal of a surface point, turned back to where it was one frame before.
+    pub(crate) fn previous_normal(&self, point: &SurfacePoint, normal: Vec3) -> Vec3 {
+        let source = self.geometry.source(point.triangle);
+        let placed = &self.placed[source.instance as usize];
+        if placed.deformed.is_none() && placed.transform == placed.previous_transform {
+            return normal;
+        }
+        let mesh = self.mesh(source.instance);
+        let corners = mesh.triangles[source.triangle as usize];
+        let face = |transform: Affine3A, positions: &[Vec3]| {
+            let [a, b, c] = corners.map(|i| transform.transform_point3(positions[i as usize]));
+            (b - a, c - a, (b - a).cross(c - a))
+        };
+        let (now, before) = match &placed.deformed {
+            None => (&mesh.positions, &mesh.positions),
+            Some([now, before]) => (&now.0, &before.0),
+        };
+        let (u, v, n) = face(placed.transform, now);
+        let (previous_u, previous_v, previous_n) = face(placed.previous_transform, before);
+        // The map that takes the triangle and its normal of now to those of before, as normals go.
+        let from = Mat3A::from_cols(u.into(), v.into(), n.normalize_or_zero().into());
+        let to = Mat3A::from_cols(previous_u.into(), previous_v.into(), previous_n.normalize_or_zero().into());
+        let map = to * from.inverse();
+        let turned = Vec3::from(map.inverse().transpose() * glam::Vec3A::from(normal));
+        turned.try_normalize().unwrap_or(normal)
+    }
 }
 
 fn check_indices(scene: &Scene) -> Result<(), SceneError> {

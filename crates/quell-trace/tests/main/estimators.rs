@@ -5,8 +5,8 @@ use glam::{Vec2, Vec3};
 use quell::{Plane, Rgb, Size};
 use quell_trace::bsdf::{Bsdf, Lobe, directional_albedo};
 use quell_trace::{
-    CameraPath, Control, Estimator, Half, Material, Reference, ReferenceKind, RenderOptions, Scene, Tracer, builtin,
-    shapes,
+    CameraPath, Control, Estimator, Half, Material, PrimaryReplacement, Reference, ReferenceKind, RenderOptions, Scene,
+    Tracer, builtin, shapes,
 };
 
 fn reference(scene: &Scene, options: &RenderOptions, kind: ReferenceKind, samples: u32) -> Reference {
@@ -87,6 +87,43 @@ fn a_lamp_in_a_glossy_floor_is_counted_once() {
             let floor = Material { base_color: Vec3::splat(0.8), roughness, metallic, ..Material::default() };
             let scene = lamp_over(floor);
             agree(&format!("roughness {roughness}, metallic {metallic}"), &scene, &RenderOptions::new(size), 400);
+        }
+    }
+}
+
+#[test]
+fn glass_and_mirrors_before_the_eye_keep_the_integral() {
+    let size = Size::new(16, 10);
+    let glass = Material { transmission: 1.0, roughness: 0.0, ior: 1.5, ..Material::default() };
+    let tinted = Material {
+        attenuation_color: Vec3::new(0.4, 0.8, 0.9),
+        attenuation_distance: 0.3,
+        base_color: Vec3::new(0.95, 0.9, 0.9),
+        ..glass
+    };
+    let pane = Material { thin_walled: true, base_color: Vec3::new(0.9, 0.95, 0.9), ..glass };
+    let frosted = Material { roughness: 0.4, ..pane };
+    let half = Material { transmission: 0.5, ..pane };
+    let mirror =
+        Material { metallic: 1.0, base_color: Vec3::new(0.9, 0.8, 0.7), roughness: 0.0, ..Material::default() };
+    let floor = Material { base_color: Vec3::splat(0.7), roughness: 0.35, ..Material::default() };
+    for (name, material) in
+        [("slab", tinted), ("pane", pane), ("frosted pane", frosted), ("half a pane", half), ("mirror", mirror)]
+    {
+        let mut scene = lamp_over(floor);
+        let surface = scene.surface(material);
+        let thin = material.thin_walled || material.metallic > 0.0;
+        let mesh = if thin {
+            shapes::quad(Vec3::new(-0.6, 0.1, 0.9), Vec3::X * 1.4, Vec3::new(0.0, 0.9, -0.1))
+        } else {
+            shapes::cuboid(Vec3::new(-0.6, 0.1, 0.7), Vec3::new(0.8, 1.0, 0.9))
+        };
+        scene.place(mesh, surface);
+        for replacement in [PrimaryReplacement::Off, PrimaryReplacement::Glass, PrimaryReplacement::GlassAndMirrors] {
+            let options = RenderOptions { primary_replacement: replacement, ..RenderOptions::new(size) };
+            // What a rough pane shows of the lamp has long tails.
+            let samples = if name == "frosted pane" { 1500 } else { 300 };
+            agree(&format!("{name}, {replacement:?}"), &scene, &options, samples);
         }
     }
 }

@@ -5,7 +5,8 @@ use glam::{Affine3A, Quat, Vec2, Vec3};
 use quell::{FrameBuf, Projection, Size};
 use quell_trace::environment::Environment;
 use quell_trace::{
-    CameraPath, Control, Material, RenderOptions, Scene, Tracer, Track, builtin, builtin_scenes, shapes,
+    CameraPath, Control, Material, PrimaryReplacement, RenderOptions, Scene, Tracer, Track, builtin, builtin_scenes,
+    shapes,
 };
 use std::sync::Arc;
 
@@ -174,6 +175,88 @@ fn depth_normals_and_hit_distances_of_two_mirrors() {
             seen += 1;
         });
         assert_eq!(seen, SIZE.pixels());
+    }
+}
+
+#[test]
+fn a_plane_mirror_shows_the_unfolded_world() {
+    // A mirror that turns and moves, a thing that moves before it, a camera that moves.
+    let mirror_at = |frame: f64| {
+        let f = frame as f32;
+        Affine3A::from_rotation_translation(
+            Quat::from_rotation_y(0.03 * f) * Quat::from_rotation_x(-0.02 * f),
+            Vec3::new(0.02 * f, 0.0, 0.03 * f),
+        )
+    };
+    let thing_at =
+        |frame: f64| Affine3A::from_rotation_translation(Quat::from_rotation_z(0.1 * frame as f32), Vec3::Z * 6.0);
+    let mut scene = Scene::new("mirror");
+    let mirror = scene.surface(Material { metallic: 1.0, roughness: 0.0, ..Material::default() });
+    let matte = scene.surface(lambert(Vec3::splat(0.5), Vec3::ZERO));
+    scene.place_moving(
+        shapes::quad(Vec3::new(-3.0, -3.0, 0.0), Vec3::X * 6.0, Vec3::Y * 6.0),
+        mirror,
+        Track::function(mirror_at),
+    );
+    let thing = shapes::quad(Vec3::new(-9.0, 9.0, 0.0), Vec3::X * 18.0, Vec3::Y * -18.0);
+    scene.place_moving(thing, matte, Track::function(thing_at));
+    scene.cameras.push(moving_camera());
+    let options = RenderOptions {
+        direct_samples: 1,
+        bounces: 0,
+        primary_replacement: PrimaryReplacement::GlassAndMirrors,
+        ..RenderOptions::new(SIZE)
+    };
+    let number = 3.0;
+    let frame = Tracer::new(&scene, number as i64, 1).unwrap().render(&options, &Control::default()).unwrap().frame;
+    let mirrored = |p: Vec3, frame: f64| {
+        let place = mirror_at(frame);
+        let (point, normal) = (place.transform_point3(Vec3::ZERO), place.transform_vector3(Vec3::Z));
+        p - 2.0 * (p - point).dot(normal) * normal
+    };
+    let mut seen = 0;
+    each_surface(&frame, |pixel, virtual_point, id, motion, _, before| {
+        // What is at this virtual point really lies on the thing's plane.
+        let real = mirrored(virtual_point, number);
+        let rest = thing_at(number).inverse().transform_point3(real);
+        assert!(rest.z.abs() < 1e-3, "{pixel}: {rest}");
+        assert!(id != 1 && id != 2);
+        let previous = mirrored(thing_at(number - 1.0).transform_point3(rest), number - 1.0);
+        let expected = before.pixel(previous).unwrap();
+        assert!((pixel + motion - expected).length() < 0.05, "{pixel}: {motion}, expected {expected}");
+        let (x, y) = (pixel.x as usize, pixel.y as usize);
+        let normal = Vec3::from(frame.normal.as_ref().unwrap().at(x, y));
+        let place = mirror_at(number);
+        let n = place.transform_vector3(Vec3::Z);
+        let expected = -Vec3::Z + 2.0 * Vec3::Z.dot(n) * n;
+        assert!((normal - expected).length() < 1e-4 || (normal + expected).length() < 1e-4, "{normal} {expected}");
+        assert!(normal.dot(virtual_point - before.eye) < 0.0);
+        seen += 1;
+    });
+    assert!(seen > 1000, "{seen}");
+}
+
+#[test]
+fn a_pane_of_glass_changes_no_guide() {
+    let mut scene = builtin("cornell-box").unwrap();
+    scene.cameras.truncate(1);
+    let without = render(&scene, 0);
+    let glass = scene.surface(Material {
+        transmission: 1.0,
+        roughness: 0.0,
+        thin_walled: true,
+        base_color: Vec3::splat(0.8),
+        ..Material::default()
+    });
+    scene.place(shapes::quad(Vec3::new(-4.0, -4.0, 2.0), Vec3::X * 8.0, Vec3::Y * 8.0), glass);
+    let with = render(&scene, 0);
+    assert_eq!(without.view_depth.unwrap().data().len(), with.view_depth.as_ref().unwrap().data().len());
+    assert_eq!(without.surface_id, with.surface_id);
+    assert_eq!(without.motion.unwrap().data(), with.motion.unwrap().data());
+    let (a, b) = (without.matte_weight.unwrap(), with.matte_weight.unwrap());
+    for (a, b) in a.data().iter().zip(b.data()) {
+        let share = b[0] / a[0];
+        assert!(a[0] == 0.0 || (0.5..0.8).contains(&share), "{a:?} {b:?}");
     }
 }
 

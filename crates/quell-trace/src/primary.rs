@@ -1,0 +1,265 @@
+//! The primary surface of a pixel: what is hit first, or what is seen through smooth glass and in mirrors.
+//!
+//! Primary surface replacement: where the eye ray meets smooth glass (and, as an option, a perfect mirror) it is
+//! followed to the surface behind. That surface is handed to the denoiser *unfolded*, as if the eye ray had gone on
+//! straight: depth along the chain, normal mirrored back through it, motion from projecting the virtual point of this
+//! frame and of the one before.
+
+use crate::bsdf::Bsdf;
+use crate::integrator::{Integrator, RayCounts};
+use crate::world::SurfacePoint;
+use glam::{Vec2, Vec3};
+use quell::{Camera, Projection};
+
+/// Interfaces that are looked through at most; the next one is the primary surface, whatever it is.
+pub(crate) const MAX_CHAIN: usize = 8;
+
+/// Which surfaces the eye looks through before guides are taken.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum PrimaryReplacement {
+    /// None: glass is a surface; what is seen through it is traced into the direct term.
+    Off,
+    /// Smooth glass.
+    #[default]
+    Glass,
+    /// Smooth glass and perfect mirrors.
+    GlassAndMirrors,
+}
+
+/// The cameras of a frame, for one image size.
+pub(crate) struct Views {
+    pub(crate) camera: Camera,
+    pub(crate) previous_camera: Camera,
+    pub(crate) now: Projection,
+    pub(crate) before: Projection,
+}
+
+/// What is known of a pixel's primary surface without noise.
+#[derive(Clone, Copy)]
+pub(crate) struct Guides {
+    pub(crate) matte_weight: Vec3,
+    pub(crate) glossy_weight: Vec3,
+    pub(crate) view_depth: f32,
+    pub(crate) normal: Vec3,
+    pub(crate) roughness: f32,
+    pub(crate) motion: Vec2,
+    pub(crate) surface_id: u32,
+}
+
+/// A surface point with its scattering, and what the chain before it leaves of its light.
+pub(crate) struct Vertex {
+    pub(crate) point: SurfacePoint,
+    pub(crate) bsdf: Bsdf,
+    pub(crate) throughput: Vec3,
+}
+
+/// What the eye sees through a pixel.
+pub(crate) struct Primary {
+    /// The surface that guides and paths belong to; `None`: background.
+    pub(crate) surface: Option<Vertex>,
+    /// Glass on the way, nearest first. Its own reflections are still to be added.
+    pub(crate) glass: Vec<Vertex>,
+    /// Background: direction in which it is seen, and what the chain leaves of it.
+    pub(crate) escape: (Vec3, Vec3),
+    pub(crate) guides: Guides,
+}
+
+/// How the path goes on through a vertex of the chain.
+pub(crate) enum Link {
+    Transmitted { wi: Vec3, weight: Vec3 },
+    Mirrored { wi: Vec3, weight: Vec3 },
+}
+
+/// Whether a surface is looked through, and how.
+pub(crate) fn link(bsdf: &Bsdf, replacement: PrimaryReplacement) -> Option<Link> {
+    if replacement == PrimaryReplacement::Off {
+        return None;
+    }
+    if bsdf.is_transmissive() {
+        // Only where reflection and transmission are all there is: a matte share would need a signal of its own.
+        if !(bsdf.is_delta_only() && bsdf.is_transmission_delta()) {
+            return None;
+        }
+        let sample = bsdf.sample_transmission(Vec2::ZERO)?;
+        return Some(Link::Transmitted { wi: sample.wi, weight: sample.weight });
+    }
+    if replacement == PrimaryReplacement::GlassAndMirrors && bsdf.is_delta_only() {
+        let sample = bsdf.sample_glossy(Vec2::ZERO)?;
+        return Some(Link::Mirrored { wi: sample.wi, weight: bsdf.fresnel_at_mirror() * sample.weight });
+    }
+    None
+}
+
+/// The plane of a mirror in this frame and in the one before.
+struct MirrorPlanes {
+    point: Vec3,
+    normal: Vec3,
+    previous_point: Vec3,
+    previous_normal: Vec3,
+}
+
+/// A point mirrored in a plane.
+fn mirrored(p: Vec3, point: Vec3, normal: Vec3) -> Vec3 {
+    p - 2.0 * (p - point).dot(normal) * normal
+}
+
+impl Integrator<'_, '_> {
+    /// Follows the eye ray to the primary surface.
+    pub(crate) fn primary(&self, views: &Views, pixel: Vec2, rays: &mut RayCounts) -> Primary {
+        let eye_direction = views.now.ray_direction(pixel).normalize_or(views.now.forward);
+        let eye = views.now.ray_origin(pixel);
+        let (mut origin, mut direction) = (eye, eye_direction);
+        let mut throughput = Vec3::ONE;
+        let mut length = 0.0;
+        let mut glass: Vec<Vertex> = Vec::new();
+        let mut mirrors: Vec<MirrorPlanes> = Vec::new();
+        // Stays 0 while the chain only looks straight through panes: light behind them is the same as beside them.
+        let mut chain_id = 0_u32;
+        loop {
+            rays.closest += 1;
+            let Some(hit) = self.world.geometry.closest(origin, direction) else {
+                let guides = background(views, direction, chain_id != 0);
+                return Primary { surface: None, glass, escape: (direction, throughput), guides };
+            };
+            length += hit.t;
+            let point = self.world.surface_point(&hit, direction);
+            if !point.front && point.material.is_transmissive() {
+                throughput *= point.material.transmittance(hit.t);
+            }
+            let bsdf = self.bsdf(&point, direction);
+            let next = if glass.len() + mirrors.len() < MAX_CHAIN && !self.emits(&point) {
+                link(&bsdf, self.replacement)
+            } else {
+                None
+            };
+            let Some(next) = next else {
+                let replaced = !glass.is_empty() || !mirrors.is_empty();
+                let guides = if replaced {
+                    let virtual_point = eye + eye_direction * length;
+                    self.virtual_guides(views, virtual_point, eye_direction, &point, &bsdf, &mirrors, chain_id)
+                } else {
+                    Guides {
+                        matte_weight: bsdf.matte_weight(),
+                        glossy_weight: bsdf.glossy_weight(),
+                        view_depth: views.now.view_depth(point.position).max(f32::MIN_POSITIVE),
+                        normal: bsdf.normal(),
+                        roughness: point.material.roughness.clamp(0.0, 1.0),
+                        motion: motion(views, point.position, self.world.previous_position(&point)),
+                        surface_id: point.instance + 1,
+                    }
+                };
+                let mut guides = guides;
+                guides.matte_weight = bsdf.matte_weight() * throughput;
+                guides.glossy_weight = bsdf.glossy_weight() * throughput;
+                if let Some(first) = glass.first() {
+                    // The glossy signal is the glass's own reflection.
+                    guides.glossy_weight = first.bsdf.glossy_weight() * first.throughput;
+                    guides.roughness = first.point.material.roughness.clamp(0.0, 1.0);
+                }
+                let surface = Some(Vertex { point, bsdf, throughput });
+                return Primary { surface, glass, escape: (direction, Vec3::ZERO), guides };
+            };
+            let wi = match next {
+                Link::Transmitted { wi, weight } => {
+                    if wi.dot(direction) < 1.0 - 1e-6 {
+                        chain_id = chain_id.wrapping_mul(31).wrapping_add(point.instance + 1);
+                    }
+                    let next_throughput = throughput * weight;
+                    origin = point.ray_origin(wi);
+                    glass.push(Vertex { point, bsdf, throughput });
+                    throughput = next_throughput;
+                    wi
+                }
+                Link::Mirrored { wi, weight } => {
+                    chain_id = chain_id.wrapping_mul(31).wrapping_add(point.instance + 1);
+                    throughput *= weight;
+                    origin = point.ray_origin(wi);
+                    mirrors.push(MirrorPlanes {
+                        point: point.position,
+                        normal: bsdf.normal(),
+                        previous_point: self.world.previous_position(&point),
+                        previous_normal: self.world.previous_normal(&point, bsdf.normal()),
+                    });
+                    wi
+                }
+            };
+            direction = wi;
+        }
+    }
+
+    fn emits(&self, point: &SurfacePoint) -> bool {
+        point.material.emitted(point.front).max_element() > 0.0
+    }
+
+    /// Guides of a surface that is seen at the end of a chain; weights are the caller's.
+    #[expect(clippy::too_many_arguments, reason = "called from one place")]
+    fn virtual_guides(
+        &self,
+        views: &Views,
+        virtual_point: Vec3,
+        eye_direction: Vec3,
+        point: &SurfacePoint,
+        bsdf: &Bsdf,
+        mirrors: &[MirrorPlanes],
+        chain_id: u32,
+    ) -> Guides {
+        let mut unfolded = point.position;
+        let mut previous = self.world.previous_position(point);
+        let mut normal = bsdf.normal();
+        for plane in mirrors.iter().rev() {
+            unfolded = mirrored(unfolded, plane.point, plane.normal);
+            previous = mirrored(previous, plane.previous_point, plane.previous_normal);
+            normal -= 2.0 * normal.dot(plane.normal) * plane.normal;
+        }
+        // Refraction bends the chain: the virtual point lies on the eye ray, beside the unfolded one.
+        let previous_virtual = previous + (virtual_point - unfolded);
+        let away = normal.dot(eye_direction);
+        if away > -crate::bsdf::MIN_VIEW_COS {
+            normal = (normal - eye_direction * (away + crate::bsdf::MIN_VIEW_COS)).normalize_or(-eye_direction);
+        }
+        // Ids of chains lie above those of the instances, for as many as fit.
+        let surface_id = (point.instance + 1).wrapping_add(chain_id.wrapping_mul(0x9e37_79b9) & 0xffff_0000).max(1);
+        Guides {
+            matte_weight: Vec3::ZERO,
+            glossy_weight: Vec3::ZERO,
+            view_depth: views.now.view_depth(virtual_point).max(f32::MIN_POSITIVE),
+            normal: normal.normalize_or(-eye_direction),
+            roughness: point.material.roughness.clamp(0.0, 1.0),
+            motion: motion(views, virtual_point, previous_virtual),
+            surface_id,
+        }
+    }
+}
+
+/// Pixels from where a point is seen now to where it was seen one frame before; NaN where it was behind the eye.
+fn motion(views: &Views, now: Vec3, before: Vec3) -> Vec2 {
+    match (views.now.pixel(now), views.before.pixel(before)) {
+        // Both through the same arithmetic: what does not move moves by exactly 0.
+        (Some(now), Some(before)) => before - now,
+        _ => Vec2::NAN,
+    }
+}
+
+/// Guides where nothing is hit: only the camera's rotation moves what is infinitely far away. `bent`: seen in a mirror
+/// or through a lens, whose own rotation would have to be known.
+fn background(views: &Views, direction: Vec3, bent: bool) -> Guides {
+    let motion = match (views.now.perspective, views.before.perspective) {
+        _ if bent => Vec2::NAN,
+        (true, true) => match (views.now.pixel_of_direction(direction), views.before.pixel_of_direction(direction)) {
+            (Some(now), Some(before)) => before - now,
+            _ => Vec2::NAN,
+        },
+        // An orthographic camera sees one direction everywhere: unknown unless it did not turn.
+        (false, false) if views.now.forward == views.before.forward => Vec2::ZERO,
+        _ => Vec2::NAN,
+    };
+    Guides {
+        matte_weight: Vec3::ZERO,
+        glossy_weight: Vec3::ZERO,
+        view_depth: f32::INFINITY,
+        normal: Vec3::ZERO,
+        roughness: 1.0,
+        motion,
+        surface_id: 0,
+    }
+}
