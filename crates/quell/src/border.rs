@@ -152,12 +152,19 @@ fn note(row: &mut RowTally, repair: Repair) {
     row[repair as usize] += 1;
 }
 
+/// Colours beyond it would overflow where stages square and add them up.
+const COLOUR_LIMIT: f32 = 1e15;
+
 #[inline(always)]
 fn clean_colour(c: Rgb, row: &mut RowTally) -> Rgb {
     let mut out = c;
     if !(c[0].is_finite() && c[1].is_finite() && c[2].is_finite()) {
         note(row, Repair::NotFinite);
         out = c.map(|v| if v.is_finite() { v } else { 0.0 });
+    }
+    if out.iter().any(|v| v.abs() > COLOUR_LIMIT) {
+        note(row, Repair::OutOfRange);
+        out = out.map(|v| v.clamp(-COLOUR_LIMIT, COLOUR_LIMIT));
     }
     if out.iter().any(|v| *v < 0.0) {
         note(row, Repair::Negative);
@@ -307,6 +314,15 @@ impl Guides {
             Some(p) => copy_clean(p, &mut self.normal, PlaneName::Normal, sanitised, clean_normal),
             None => self.normal.data_mut().fill((-self.view.forward).to_array()),
         }
+        // A normal of (0, 0, 0) says background, whatever the depth.
+        let normal = &self.normal;
+        par::rows(self.depth.data_mut(), size.width, |y, row| {
+            for (depth, n) in row.iter_mut().zip(normal.row(y)) {
+                if *n == [0.0; 3] {
+                    *depth = f32::INFINITY;
+                }
+            }
+        });
         self.has_roughness = frame.roughness.is_some();
         match frame.roughness {
             Some(p) => {

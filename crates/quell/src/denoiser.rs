@@ -37,8 +37,8 @@ pub struct Denoiser {
     ledger: Ledger,
     backend: Backend,
     runner: Runner,
-    /// Stands in for planes that a frame does not have.
-    ones: Plane<f32>,
+    /// Confidence and length where no stage remembers anything.
+    fresh: [Plane<f32>; 2],
 }
 
 /// A denoised frame; it borrows from the denoiser.
@@ -100,7 +100,7 @@ impl Denoiser {
             ledger: Ledger::default(),
             backend,
             runner: Runner::Reference(Box::new(Reference::new(size))),
-            ones: Plane::filled(size, 1.0),
+            fresh: [Plane::filled(size, 0.0), Plane::filled(size, 1.0)],
         })
     }
 
@@ -166,8 +166,8 @@ impl Denoiser {
         let glossy = shown(frame.glossy, plan.glossy_output);
 
         let temporal = runner.temporal(Signal::Matte).or_else(|| runner.temporal(Signal::Glossy));
-        let confidence = temporal.map_or(&self.ones, |t| &t.confidence);
-        let history_length = temporal.map_or(&self.ones, |t| &t.length);
+        let confidence = temporal.map_or(&self.fresh[0], |t| &t.confidence);
+        let history_length = temporal.map_or(&self.fresh[1], |t| &t.length);
         let missing = Error::EmptySize { size: self.size };
         let report = Report {
             sanitised,

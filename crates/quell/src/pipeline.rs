@@ -235,7 +235,10 @@ impl Plan {
             } else {
                 Image::MatteInput
             };
-            let prefiltered = if settings.matte_prefilter.enabled {
+            // Work that nobody reads is left out.
+            let prefilter_is_read =
+                !temporal || settings.disocclusion.enabled || settings.pipeline.feedback == Feedback::Prefilter;
+            let prefiltered = if settings.matte_prefilter.enabled && prefilter_is_read {
                 step(Stage::MattePrefilter, accumulated, Image::MattePrefiltered, &[Image::Guides], &[])
             } else {
                 accumulated

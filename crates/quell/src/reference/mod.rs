@@ -162,7 +162,7 @@ impl Reference {
                 }
                 blended
             }
-            Stage::Firefly => firefly::reference::run(input, guides, settings.firefly.median),
+            Stage::Firefly => firefly::reference::run(input, guides, &settings.firefly),
             Stage::MatteBilateral => matte_bilateral::reference::run(input, guides, settings, frame.index),
             Stage::GlossyTemporal => {
                 let history = remembered(&self.glossy_history, &self.previous_guides, valid.glossy);

@@ -38,7 +38,6 @@ fn kept_energy(settings: &Settings, backend: quell::Backend, frames: i64) -> [f6
 }
 
 #[test]
-#[ignore = "the median of the accumulated image, which stays skewed, leaves 0.977 of the matte light; 0.98 is asked for"]
 fn sparse_matte_light_keeps_its_energy() {
     for backend in BACKENDS {
         let [matte, _] = kept_energy(&Settings::default(), backend, 200);
@@ -47,7 +46,6 @@ fn sparse_matte_light_keeps_its_energy() {
 }
 
 #[test]
-#[ignore = "the box of raw noise, r = 2, leaves 0.4 of the glossy light at one lit path in ten; r = 4 keeps all"]
 fn sparse_glossy_light_keeps_its_energy() {
     for backend in BACKENDS {
         let [_, glossy] = kept_energy(&Settings::default(), backend, 200);

@@ -5,13 +5,13 @@ use crate::frame::Rgb;
 use crate::kernels::math::luminance;
 use crate::par;
 use crate::plane::Plane;
-use crate::settings::Median;
+use crate::settings::{Firefly, Median};
 
 /// Rank of the median among nine.
 const MIDDLE: usize = 4;
 
 /// Runs stage 6 on the whole image; `input`: the signal, then its passes.
-pub fn run(input: &[Plane<Rgb>], guides: &Guides, median: Median) -> Vec<Plane<Rgb>> {
+pub fn run(input: &[Plane<Rgb>], guides: &Guides, settings: &Firefly) -> Vec<Plane<Rgb>> {
     let size = guides.size;
     // For each channel, the linear index of the pixel chosen.
     let chosen = par::plane(size, |x, y| {
@@ -31,9 +31,11 @@ pub fn run(input: &[Plane<Rgb>], guides: &Guides, median: Median) -> Vec<Plane<R
             let mut ranked = neighbours.map(|i| (value(input[0].data()[i]), i));
             // Stable: of equal values the first in reading order.
             ranked.sort_by(|a, b| a.0.total_cmp(&b.0));
-            ranked[MIDDLE].1
+            let (middle, index) = ranked[MIDDLE];
+            let is_firefly = value(input[0].data()[own]) > settings.threshold * middle;
+            if settings.plain || is_firefly { index } else { own }
         };
-        match median {
+        match settings.median {
             Median::Channel => [pick(&|c| c[0]), pick(&|c| c[1]), pick(&|c| c[2])],
             Median::Luminance => [pick(&luminance); 3],
         }

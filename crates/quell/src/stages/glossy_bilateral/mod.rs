@@ -10,7 +10,7 @@
 //! | parameters | `glossy_bilateral.*`, `edge.*` |
 //!
 //! The radius is the footprint of the lobe on what it reflects: r = f tan(theta) / (1 + l / d), f the focal length in
-//! pixels, l the eye ray's length, d the hit distance, tan(theta) = 2 roughness^2; cut at `max_radius`, and nothing is
+//! pixels, l the view depth, d the hit distance (their ratio averaged over 3x3), tan(theta) = 2 roughness^2; cut at `max_radius`, and nothing is
 //! filtered below `min_radius`: a mirror is never blurred.
 
 pub mod reference;
