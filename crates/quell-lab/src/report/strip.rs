@@ -1,9 +1,9 @@
 //! An animated picture for a README: panels side by side, as an APNG with a palette.
 //!
-//! An APNG plays wherever a PNG shows and keeps pixels as they are; a palette of at most 255 colours and pixels that
-//! repeat the frame before left transparent keep it small. The palette shrinks, then frames are dropped, until the
-//! file is under its limit. Measured on 8 frames of `glossy-room`, three panels of 260 pixels: a GIF with 255 colours
-//! 586 kB, this 519 kB; an animated WebP of quality 80, for which no encoder in Rust exists, 257 kB, but it smooths the
+//! An APNG plays wherever a PNG shows and keeps pixels as they are; few colours, of which each panel has its own and a
+//! noisy one fewer, and pixels that repeat the frame before left transparent keep it small. The palette shrinks, then
+//! frames are dropped, until the file is under its limit. Measured on 8 frames of `glossy-room`, three panels of 260 pixels: a GIF with 255 colours
+//! 586 kB, an APNG 519 kB; an animated WebP of quality 80, for which no encoder in Rust exists, 257 kB, but it smooths the
 //! very noise that is to be seen.
 
 use crate::error::Error;
@@ -43,8 +43,14 @@ pub struct StripWritten {
     pub step: usize,
 }
 
-/// Palette sizes that are tried, best first.
-const COLOURS: [usize; 6] = [255, 160, 96, 64, 40, 24];
+/// Colours of a smooth panel that are tried, best first.
+const COLOURS: [usize; 7] = [112, 80, 64, 48, 32, 20, 12];
+/// A noisy panel gets this part of the colours of a smooth one: its grain hides the steps between them, and costs most.
+const NOISY_PART: f64 = 0.4;
+/// A panel is noisy where neighbours differ this many times more than in the smoothest panel.
+const NOISY_FACTOR: f64 = 1.5;
+/// Indices of a palette, less those of the gap and of transparency.
+const MOST_COLOURS: usize = 254;
 /// Colour of the gaps.
 const GAP_COLOUR: [u8; 3] = [16, 18, 22];
 /// Bits a component of the histogram from which the palette is made.
@@ -57,20 +63,26 @@ const HISTOGRAM_BITS: u32 = 5;
 /// [`Error::Empty`] without panels or pictures, [`Error::Size`] where extents differ, [`Error::Encode`] where even
 /// the smallest palette and one frame do not fit `max_bytes`, I/O errors.
 pub fn write_animation(path: &Path, panels: &[&[Picture]], options: &StripOptions) -> Result<StripWritten, Error> {
-    let frames = assembled(panels, options)?;
-    let size = frames[0].size;
+    let panels = scaled(panels, options)?;
+    let frames = panels[0].len();
+    let height = panels[0][0].size.height;
+    let width = panels.iter().map(|p| p[0].size.width).sum::<usize>() + options.gap_px * (panels.len() - 1);
+    let size = Size::new(width, height);
+    let grain: Vec<f64> = panels.iter().map(|frames| grain(&frames[0])).collect();
+    let smoothest = grain.iter().copied().fold(f64::INFINITY, f64::min);
     let mut step = 1;
-    while step <= frames.len() {
-        let kept: Vec<&Picture> = frames.iter().step_by(step).collect();
+    while step <= frames {
         for colours in COLOURS {
-            let palette = Palette::of(&kept, colours);
-            let indices: Vec<Vec<u8>> = kept.iter().map(|frame| palette.indices(frame)).collect();
+            let indexed = Indexed::new(&panels, step, options.gap_px, |panel| {
+                let part = if grain[panel] > NOISY_FACTOR * smoothest { NOISY_PART } else { 1.0 };
+                ((colours as f64 * part) as usize).min(MOST_COLOURS / panels.len()).max(2)
+            });
             for transparent in [true, false] {
                 let delay = (step as u16, options.frames_per_second.max(1));
-                let bytes = encoded(size, &palette, &indices, transparent, delay)?;
+                let bytes = encoded(size, &indexed, transparent, delay)?;
                 if bytes.len() <= options.max_bytes {
                     quell_frames::files::write_bytes(path, &bytes)?;
-                    return Ok(StripWritten { size, bytes: bytes.len(), colours: palette.colours.len(), step });
+                    return Ok(StripWritten { size, bytes: bytes.len(), colours: indexed.colours.len(), step });
                 }
             }
         }
@@ -79,40 +91,69 @@ pub fn write_animation(path: &Path, panels: &[&[Picture]], options: &StripOption
     Err(Error::Encode { size, reason: format!("one frame is larger than {} bytes", options.max_bytes) })
 }
 
-/// All panels of each frame in one picture.
-fn assembled(panels: &[&[Picture]], options: &StripOptions) -> Result<Vec<Picture>, Error> {
-    let empty = || Error::Empty { what: "an animation needs at least one panel with one picture".to_owned() };
-    let count = panels.iter().map(|panel| panel.len()).max().ok_or_else(empty)?;
-    let mut rows = None;
-    let mut frames: Vec<Vec<Picture>> = vec![Vec::new(); count];
-    for panel in panels {
-        panel.iter().try_for_each(Picture::check)?;
-        let last = panel.len().checked_sub(1).ok_or_else(empty)?;
-        let scaled: Vec<Picture> = panel.iter().map(|p| averaged_down(p, options.panel_width_px)).collect();
-        for (i, frame) in frames.iter_mut().enumerate() {
-            let picture = &scaled[i.min(last)];
-            let height = *rows.get_or_insert(picture.size.height);
-            let expected = Size::new(picture.size.width, height);
-            Error::same_size("panel", picture.size, expected)?;
-            frame.push(picture.clone());
-        }
-    }
-    Ok(frames.into_iter().map(|pictures| side_by_side(&pictures, options.gap_px)).collect())
+/// Mean difference of horizontal neighbours.
+fn grain(picture: &Picture) -> f64 {
+    let neighbours = picture.rgb.iter().zip(picture.rgb.iter().skip(3));
+    neighbours.map(|(a, b)| f64::from(a.abs_diff(*b))).sum::<f64>() / picture.rgb.len() as f64
 }
 
-fn side_by_side(pictures: &[Picture], gap: usize) -> Picture {
-    let height = pictures[0].size.height;
-    let width = pictures.iter().map(|p| p.size.width).sum::<usize>() + gap * (pictures.len() - 1);
-    let mut rgb = Vec::with_capacity(3 * width * height);
-    for y in 0..height {
-        for (i, picture) in pictures.iter().enumerate() {
-            if i > 0 {
-                rgb.extend(std::iter::repeat_n(GAP_COLOUR, gap).flatten());
-            }
-            rgb.extend_from_slice(&picture.rgb[3 * y * picture.size.width..][..3 * picture.size.width]);
+/// Each panel's pictures, scaled, as many for each panel.
+fn scaled(panels: &[&[Picture]], options: &StripOptions) -> Result<Vec<Vec<Picture>>, Error> {
+    let empty = || Error::Empty { what: "an animation needs at least one panel with one picture".to_owned() };
+    let count = panels.iter().map(|panel| panel.len()).max().ok_or_else(empty)?;
+    let mut height = None;
+    let mut all = Vec::new();
+    for panel in panels {
+        panel.iter().try_for_each(Picture::check)?;
+        let mut frames: Vec<Picture> = panel.iter().map(|p| averaged_down(p, options.panel_width_px)).collect();
+        let last = frames.last().cloned().ok_or_else(empty)?;
+        let expected = Size::new(last.size.width, *height.get_or_insert(last.size.height));
+        for frame in &frames {
+            Error::same_size("panel", frame.size, expected)?;
         }
+        frames.resize(count, last);
+        all.push(frames);
     }
-    Picture { size: Size::new(width, height), rgb }
+    Ok(all)
+}
+
+/// Frames as indices into one palette, in which each panel has colours of its own.
+struct Indexed {
+    colours: Vec<[u8; 3]>,
+    frames: Vec<Vec<u8>>,
+}
+
+impl Indexed {
+    fn new(panels: &[Vec<Picture>], step: usize, gap: usize, colours_of: impl Fn(usize) -> usize) -> Self {
+        let mut colours = vec![GAP_COLOUR];
+        let palettes: Vec<(u8, Palette)> = panels
+            .iter()
+            .enumerate()
+            .map(|(i, frames)| {
+                let kept: Vec<&Picture> = frames.iter().step_by(step).collect();
+                let palette = Palette::of(&kept, colours_of(i));
+                let base = colours.len() as u8;
+                colours.extend(&palette.colours);
+                (base, palette)
+            })
+            .collect();
+        let frame = |f: usize| {
+            let mut indices = Vec::new();
+            for y in 0..panels[0][f].size.height {
+                for (i, (frames, (base, palette))) in panels.iter().zip(&palettes).enumerate() {
+                    if i > 0 {
+                        indices.extend(std::iter::repeat_n(0, gap));
+                    }
+                    let width = frames[f].size.width;
+                    let row = frames[f].rgb[3 * y * width..][..3 * width].chunks_exact(3);
+                    indices.extend(row.map(|rgb| base + palette.nearest[cell(rgb)]));
+                }
+            }
+            indices
+        };
+        let frames = (0..panels[0].len()).step_by(step).map(frame).collect();
+        Self { colours, frames }
+    }
 }
 
 /// The mean over the pixels that each target pixel covers (whole source pixels; of the encoded values: the picture is
@@ -223,10 +264,6 @@ impl Palette {
         }
         Self { colours: centres.into_iter().map(|c| c.map(|v| v.round() as u8)).collect(), nearest }
     }
-
-    fn indices(&self, picture: &Picture) -> Vec<u8> {
-        picture.rgb.chunks_exact(3).map(|rgb| self.nearest[cell(rgb)]).collect()
-    }
 }
 
 fn closest(centres: &[[f64; 3]], colour: [f64; 3]) -> usize {
@@ -234,21 +271,16 @@ fn closest(centres: &[[f64; 3]], colour: [f64; 3]) -> usize {
     (0..centres.len()).min_by(|&a, &b| distance(&centres[a]).total_cmp(&distance(&centres[b]))).unwrap_or(0)
 }
 
-fn encoded(
-    size: Size,
-    palette: &Palette,
-    frames: &[Vec<u8>],
-    transparent: bool,
-    delay: (u16, u16),
-) -> Result<Vec<u8>, Error> {
+fn encoded(size: Size, indexed: &Indexed, transparent: bool, delay: (u16, u16)) -> Result<Vec<u8>, Error> {
     let wrong = |e: png::EncodingError| Error::Encode { size, reason: e.to_string() };
-    let clear = palette.colours.len() as u8;
+    let Indexed { colours, frames } = indexed;
+    let clear = colours.len() as u8;
     let mut bytes = Vec::new();
     let mut encoder = png::Encoder::new(&mut bytes, size.width as u32, size.height as u32);
     encoder.set_color(png::ColorType::Indexed);
     encoder.set_depth(png::BitDepth::Eight);
-    encoder.set_palette(palette.colours.iter().copied().chain([[0; 3]]).flatten().collect::<Vec<u8>>());
-    encoder.set_trns([vec![255; palette.colours.len()], vec![0]].concat());
+    encoder.set_palette(colours.iter().copied().chain([[0; 3]]).flatten().collect::<Vec<u8>>());
+    encoder.set_trns([vec![255; colours.len()], vec![0]].concat());
     encoder.set_compression(png::Compression::High);
     // Filters predict neighbouring values; palette indices have none.
     encoder.set_filter(png::Filter::NoFilter);
@@ -329,7 +361,7 @@ mod tests {
         let path = folder.join("strip.png");
         let options = StripOptions { max_bytes: 6000, ..StripOptions::default() };
         let written = write_animation(&path, &[&frames], &options).unwrap();
-        assert!(written.bytes <= 6000 && (written.colours < 255 || written.step > 1), "{written:?}");
+        assert!(written.bytes <= 6000 && (written.colours < 80 || written.step > 1), "{written:?}");
         let options = StripOptions { max_bytes: 100, ..options };
         assert!(matches!(write_animation(&path, &[&frames], &options), Err(Error::Encode { .. })));
         assert!(matches!(write_animation(&path, &[&[]], &options), Err(Error::Empty { .. })));
