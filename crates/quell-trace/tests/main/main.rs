@@ -2,5 +2,6 @@
 
 mod estimators;
 mod guides;
+mod mitsuba;
 mod robustness;
 mod scenes;
