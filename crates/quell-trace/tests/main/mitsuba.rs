@@ -9,7 +9,9 @@
 use glam::{Affine3A, Quat, Vec3};
 use quell::Size;
 use quell_trace::environment::Environment;
-use quell_trace::{CameraPath, Control, Half, Material, ReferenceKind, RenderOptions, Scene, Tracer, builtin, shapes};
+use quell_trace::{
+    CameraPath, Control, Estimator, Half, Material, ReferenceKind, RenderOptions, Scene, Tracer, builtin, shapes,
+};
 use std::f64::consts::FRAC_2_PI;
 use std::path::Path;
 
@@ -240,12 +242,12 @@ fn scaled(estimate: &Estimate, factor: f64) -> Estimate {
 }
 
 /// Both kinds of reference against the picture of Mitsuba, and what must not pass.
-fn agree(name: &str, scene: &Scene, bounces: u32, samples_a_batch: u32) {
+fn agree(name: &str, scene: &Scene, bounces: u32) {
     let expected = mitsuba(name);
     let options = RenderOptions { bounces, ..RenderOptions::new(expected.size) };
     for kind in [ReferenceKind::Factored, ReferenceKind::FullIntegral] {
         let start = std::time::Instant::now();
-        let found = quell(scene, &options, kind, samples_a_batch);
+        let found = quell(scene, &options, kind, SAMPLES_A_BATCH);
         let (wrong, summary) = rejections(&found, &expected);
         println!("{name}, {kind:?}, {:.1} s: {summary}", start.elapsed().as_secs_f64());
         assert!(wrong.is_empty(), "{name}, {kind:?}: {wrong:#?}");
@@ -255,12 +257,12 @@ fn agree(name: &str, scene: &Scene, bounces: u32, samples_a_batch: u32) {
         }
     }
     // Canaries of physics, with fewer samples.
-    let mut weak_fresnel = options;
-    weak_fresnel.model.fresnel_strength = 0.9;
-    for (what, options) in
-        [("one bounce more", RenderOptions { bounces: bounces + 1, ..options }), ("weaker Fresnel", weak_fresnel)]
-    {
-        let found = quell(scene, &options, ReferenceKind::Factored, samples_a_batch / CANARY_SHARE);
+    let mut damped = options;
+    damped.model.fresnel_rough_damping = true;
+    let paper = RenderOptions { estimator: Estimator::Paper, ..options };
+    let longer = RenderOptions { bounces: bounces + 1, ..options };
+    for (what, options) in [("one bounce more", longer), ("Fresnel damped", damped), ("the paper's estimator", paper)] {
+        let found = quell(scene, &options, ReferenceKind::Factored, SAMPLES_A_BATCH / CANARY_SHARE);
         let (wrong, summary) = rejections(&found, &expected);
         println!("{name}, {what}: {summary}");
         assert!(!wrong.is_empty(), "{name}: {what} passes: {summary}");
@@ -302,12 +304,12 @@ fn metal_corner() -> Scene {
 
 #[test]
 fn cornell_box_agrees_with_mitsuba() {
-    agree("cornell-box", &builtin("cornell-box").unwrap(), 3, SAMPLES_A_BATCH);
+    agree("cornell-box", &builtin("cornell-box").unwrap(), 3);
 }
 
 #[test]
 fn white_rough_metal_agrees_with_mitsuba() {
-    agree("metal-corner", &metal_corner(), 2, SAMPLES_A_BATCH);
+    agree("metal-corner", &metal_corner(), 2);
 }
 
 #[test]
