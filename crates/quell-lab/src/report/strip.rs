@@ -2,9 +2,9 @@
 //!
 //! An APNG plays wherever a PNG shows and keeps pixels as they are; few colours, of which each panel has its own and a
 //! noisy one fewer, and pixels that repeat the frame before left transparent keep it small. The palette shrinks, then
-//! frames are dropped, until the file is under its limit. Measured on 8 frames of `glossy-room`, three panels of 260 pixels: a GIF with 255 colours
-//! 586 kB, an APNG 519 kB; an animated WebP of quality 80, for which no encoder in Rust exists, 257 kB, but it smooths the
-//! very noise that is to be seen.
+//! frames are dropped, until the file is under its limit. Measured on 8 frames of `glossy-room`, three panels of 260
+//! pixels: a GIF with 255 colours 586 kB, an APNG with as many 519 kB; an animated WebP of quality 80, for which no
+//! encoder in Rust exists, 257 kB, but it smooths the very noise that is to be seen.
 
 use crate::error::Error;
 use crate::tone::Picture;
