@@ -123,7 +123,7 @@ impl Sanitised {
         self.iter().next().is_none()
     }
 
-    fn add(&mut self, plane: PlaneName, tally: &Tally) {
+    pub(crate) fn add(&mut self, plane: PlaneName, tally: &Tally) {
         for (sum, count) in self.counts[plane as usize].iter_mut().zip(&tally.0) {
             *sum += count.load(Ordering::Relaxed);
         }
@@ -132,10 +132,10 @@ impl Sanitised {
 
 /// Counts of one plane, added to by many threads.
 #[derive(Default)]
-struct Tally([AtomicU64; Repair::ALL.len()]);
+pub(crate) struct Tally([AtomicU64; Repair::ALL.len()]);
 
 impl Tally {
-    fn add(&self, row: [u64; Repair::ALL.len()]) {
+    pub(crate) fn add(&self, row: RowTally) {
         for (total, n) in self.0.iter().zip(row) {
             if n > 0 {
                 total.fetch_add(n, Ordering::Relaxed);
@@ -145,7 +145,7 @@ impl Tally {
 }
 
 /// Counts of one row.
-type RowTally = [u64; Repair::ALL.len()];
+pub(crate) type RowTally = [u64; Repair::ALL.len()];
 
 #[inline(always)]
 fn note(row: &mut RowTally, repair: Repair) {
@@ -156,7 +156,7 @@ fn note(row: &mut RowTally, repair: Repair) {
 const COLOUR_LIMIT: f32 = 1e15;
 
 #[inline(always)]
-fn clean_colour(c: Rgb, row: &mut RowTally) -> Rgb {
+pub(crate) fn clean_colour(c: Rgb, row: &mut RowTally) -> Rgb {
     let mut out = c;
     if !(c[0].is_finite() && c[1].is_finite() && c[2].is_finite()) {
         note(row, Repair::NotFinite);
@@ -173,7 +173,7 @@ fn clean_colour(c: Rgb, row: &mut RowTally) -> Rgb {
 }
 
 #[inline(always)]
-fn clean_unit_range(v: f32, when_not_finite: f32, row: &mut RowTally) -> f32 {
+pub(crate) fn clean_unit_range(v: f32, when_not_finite: f32, row: &mut RowTally) -> f32 {
     if !v.is_finite() {
         note(row, Repair::NotFinite);
         return when_not_finite;
@@ -188,7 +188,7 @@ fn clean_unit_range(v: f32, when_not_finite: f32, row: &mut RowTally) -> f32 {
 const UNIT_TOLERANCE: f32 = 4e-3;
 
 #[inline(always)]
-fn clean_normal(n: [f32; 3], row: &mut RowTally) -> [f32; 3] {
+pub(crate) fn clean_normal(n: [f32; 3], row: &mut RowTally) -> [f32; 3] {
     if !n.iter().all(|v| v.is_finite()) {
         note(row, Repair::NotFinite);
         return [0.0; 3];
@@ -203,7 +203,7 @@ fn clean_normal(n: [f32; 3], row: &mut RowTally) -> [f32; 3] {
 }
 
 #[inline(always)]
-fn clean_depth(z: f32, row: &mut RowTally) -> f32 {
+pub(crate) fn clean_depth(z: f32, row: &mut RowTally) -> f32 {
     if z.is_nan() {
         note(row, Repair::NotFinite);
         return f32::INFINITY;
@@ -213,6 +213,29 @@ fn clean_depth(z: f32, row: &mut RowTally) -> f32 {
         return f32::INFINITY;
     }
     z
+}
+
+#[inline(always)]
+pub(crate) fn clean_hit(v: f32, row: &mut RowTally) -> f32 {
+    if v.is_nan() {
+        note(row, Repair::NotFinite);
+        0.0 // unknown: as if the reflection lay in the surface
+    } else if v < 0.0 {
+        note(row, Repair::OutOfRange);
+        0.0
+    } else {
+        v
+    }
+}
+
+#[inline(always)]
+pub(crate) fn clean_motion(v: [f32; 2], row: &mut RowTally) -> [f32; 2] {
+    if v[0].is_infinite() || v[1].is_infinite() {
+        note(row, Repair::NotFinite);
+        [f32::NAN; 2]
+    } else {
+        v
+    }
 }
 
 fn copy_clean<T: Copy + Send + Sync>(
@@ -338,17 +361,7 @@ impl Guides {
         self.has_glossy_hit = frame.glossy_hit_distance.is_some();
         match frame.glossy_hit_distance {
             Some(p) => {
-                copy_clean(p, &mut self.glossy_hit, PlaneName::GlossyHitDistance, sanitised, |v, t| {
-                    if v.is_nan() {
-                        note(t, Repair::NotFinite);
-                        0.0 // unknown: as if the reflection lay in the surface
-                    } else if v < 0.0 {
-                        note(t, Repair::OutOfRange);
-                        0.0
-                    } else {
-                        v
-                    }
-                });
+                copy_clean(p, &mut self.glossy_hit, PlaneName::GlossyHitDistance, sanitised, clean_hit);
             }
             None => self.glossy_hit.data_mut().fill(0.0),
         }
@@ -359,14 +372,7 @@ impl Guides {
             None => self.confidence_in.data_mut().fill(1.0),
         }
         match frame.motion {
-            Some(p) => copy_clean(p, &mut self.motion, PlaneName::Motion, sanitised, |v, t| {
-                if v[0].is_infinite() || v[1].is_infinite() {
-                    note(t, Repair::NotFinite);
-                    [f32::NAN; 2]
-                } else {
-                    v
-                }
-            }),
+            Some(p) => copy_clean(p, &mut self.motion, PlaneName::Motion, sanitised, clean_motion),
             None => {
                 let (view, previous, jitter, depth) = (self.view, self.previous_view, self.jitter, &self.depth);
                 par::rows(self.motion.data_mut(), size.width, |y, row| {

@@ -116,9 +116,10 @@ impl Camera {
 /// along the camera's axis.
 #[derive(Clone, Copy, Debug)]
 pub struct Projection {
-    u: (DVec3, f64),
-    v: (DVec3, f64),
-    w: (DVec3, f64),
+    /// Homogeneous pixel coordinate (u, v, w) of a world point X: a . X + b each; pixel = (u, v) / w.
+    pub(crate) u: (DVec3, f64),
+    pub(crate) v: (DVec3, f64),
+    pub(crate) w: (DVec3, f64),
     /// Unit viewing direction, world space.
     pub forward: Vec3,
     /// Eye position, world space.

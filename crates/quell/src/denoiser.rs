@@ -1,9 +1,11 @@
 //! The public face of the CPU back ends.
 
 use crate::border::Sanitised;
+#[cfg(feature = "cpu")]
+use crate::cpu::Cpu;
 use crate::error::Error;
 use crate::frame::{Frame, Rgb, Signal};
-use crate::history::{Ledger, PlanCache};
+use crate::history::{Ledger, PlanCache, Validity};
 use crate::pipeline::{Image, Inputs, Plan};
 use crate::plane::{Plane, Size};
 use crate::reference::Reference;
@@ -26,6 +28,51 @@ pub enum Backend {
 #[derive(Clone, Debug)]
 enum Runner {
     Reference(Box<Reference>),
+    #[cfg(feature = "cpu")]
+    Cpu(Box<Cpu>),
+}
+
+impl Runner {
+    fn new(backend: Backend, size: Size) -> Self {
+        match backend {
+            #[cfg(feature = "cpu")]
+            Backend::Cpu => Self::Cpu(Box::new(Cpu::new(size))),
+            _ => Self::Reference(Box::new(Reference::new(size))),
+        }
+    }
+
+    fn run(
+        &mut self,
+        frame: &Frame<'_>,
+        settings: &Settings,
+        plan: &Plan,
+        valid: Validity,
+        sanitised: &mut Sanitised,
+        times: &mut StageTimes,
+    ) -> Result<(), Error> {
+        match self {
+            Self::Reference(runner) => runner.run(frame, settings, plan, valid, sanitised, times),
+            #[cfg(feature = "cpu")]
+            Self::Cpu(runner) => runner.run(frame, settings, plan, valid, sanitised, times),
+        }
+    }
+
+    fn image(&self, image: Image) -> Option<&[Plane<Rgb>]> {
+        match self {
+            Self::Reference(runner) => runner.image(image),
+            #[cfg(feature = "cpu")]
+            Self::Cpu(runner) => runner.image(image),
+        }
+    }
+
+    /// Confidence and history length.
+    fn temporal(&self, signal: Signal) -> Option<(&Plane<f32>, &Plane<f32>)> {
+        match self {
+            Self::Reference(runner) => runner.temporal(signal).map(|t| (&t.confidence, &t.length)),
+            #[cfg(feature = "cpu")]
+            Self::Cpu(runner) => runner.temporal(signal),
+        }
+    }
 }
 
 /// Filters a sequence of frames of one size. It keeps the history between calls.
@@ -38,7 +85,7 @@ pub struct Denoiser {
     backend: Backend,
     runner: Runner,
     /// Confidence and length where no stage remembers anything.
-    fresh: [Plane<f32>; 2],
+    fresh: Option<[Plane<f32>; 2]>,
 }
 
 /// A denoised frame; it borrows from the denoiser.
@@ -99,8 +146,8 @@ impl Denoiser {
             plans: PlanCache::new(settings),
             ledger: Ledger::default(),
             backend,
-            runner: Runner::Reference(Box::new(Reference::new(size))),
-            fresh: [Plane::filled(size, 0.0), Plane::filled(size, 1.0)],
+            runner: Runner::new(backend, size),
+            fresh: None,
         })
     }
 
@@ -154,20 +201,26 @@ impl Denoiser {
         let mut sanitised = Sanitised::default();
         let mut times = StageTimes::default();
         let begin = clock();
-        let Runner::Reference(runner) = &mut self.runner;
-        runner.run(frame, &self.settings, plan, valid, &mut sanitised, &mut times)?;
+        self.runner.run(frame, &self.settings, plan, valid, &mut sanitised, &mut times)?;
         let total = begin.map_or(std::time::Duration::ZERO, |t| t.elapsed());
         times.border = total.saturating_sub(times.iter().map(|(_, t)| t).sum());
         self.ledger.close(frame, plan);
 
-        let plane = |image: Image| runner.image(image);
+        let temporal = |signal| self.runner.temporal(signal);
+        let temporal = temporal(Signal::Matte).or_else(|| temporal(Signal::Glossy));
+        let (confidence, history_length) = match temporal {
+            Some(planes) => planes,
+            None => {
+                let fresh = || [Plane::filled(self.size, 0.0), Plane::filled(self.size, 1.0)];
+                let [confidence, length] = &*self.fresh.get_or_insert_with(fresh);
+                (confidence, length)
+            }
+        };
+        let plane = |image: Image| self.runner.image(image);
         let shown = |signal: Option<crate::plane::PlaneRef<'_, Rgb>>, image| signal.and_then(|_| plane(image));
         let matte = shown(frame.matte, plan.matte_output);
         let glossy = shown(frame.glossy, plan.glossy_output);
 
-        let temporal = runner.temporal(Signal::Matte).or_else(|| runner.temporal(Signal::Glossy));
-        let confidence = temporal.map_or(&self.fresh[0], |t| &t.confidence);
-        let history_length = temporal.map_or(&self.fresh[1], |t| &t.length);
         let missing = Error::EmptySize { size: self.size };
         let report = Report {
             sanitised,

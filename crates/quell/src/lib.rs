@@ -35,9 +35,12 @@
 //! | [`border`] | the contract enforced: what is repaired, and counted |
 //! | [`denoiser`] | the public face: [`Denoiser`], [`Output`] |
 //! | [`mod@reference`] | the back end that is the specification |
+//! | `cpu` | the fast back end (feature `cpu`) |
 
 pub mod border;
 pub mod camera;
+#[cfg(feature = "cpu")]
+mod cpu;
 pub mod denoiser;
 pub mod error;
 pub mod frame;

@@ -2,8 +2,14 @@
 //! mathematics.
 
 pub mod clip;
+#[cfg(feature = "cpu")]
+pub(crate) mod clip_cpu;
 pub mod edge;
+#[cfg(feature = "cpu")]
+pub(crate) mod edge_cpu;
 pub mod math;
 pub mod reproject;
+#[cfg(feature = "cpu")]
+pub(crate) mod reproject_cpu;
 pub mod spiral;
 pub mod temporal;

@@ -11,6 +11,8 @@
 
 use crate::frame::Rgb;
 
+#[cfg(feature = "cpu")]
+pub(crate) mod cpu;
 pub mod reference;
 
 /// One pixel: `terms` are (signal, weight), added in this order.

@@ -11,4 +11,6 @@
 //!
 //! Motion is that of the nearest depth in 3x3, so that silhouettes carry their own anti-aliasing along.
 
+#[cfg(feature = "cpu")]
+pub(crate) mod cpu;
 pub mod reference;

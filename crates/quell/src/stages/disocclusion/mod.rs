@@ -11,4 +11,6 @@
 //!
 //! The maximum comes first, so that the band around a fresh region is covered whole before its edge is softened.
 
+#[cfg(feature = "cpu")]
+pub(crate) mod cpu;
 pub mod reference;

@@ -12,4 +12,6 @@
 //! Passes take the value of the very pixel that the beauty's channel took, so that they still add up. Neighbours that
 //! are background or off screen are replaced by the centre.
 
+#[cfg(feature = "cpu")]
+pub(crate) mod cpu;
 pub mod reference;

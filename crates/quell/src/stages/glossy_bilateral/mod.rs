@@ -13,6 +13,8 @@
 //! pixels, l the view depth, d the hit distance (their ratio averaged over 3x3), tan(theta) = 2 roughness^2; cut at `max_radius`, and nothing is
 //! filtered below `min_radius`: a mirror is never blurred.
 
+#[cfg(feature = "cpu")]
+pub(crate) mod cpu;
 pub mod reference;
 
 use crate::border::Guides;

@@ -12,4 +12,6 @@
 //! Trust is the product of two tests: the surface was visible (at x + motion), and the virtual place lies on the same
 //! reflector.
 
+#[cfg(feature = "cpu")]
+pub(crate) mod cpu;
 pub mod reference;

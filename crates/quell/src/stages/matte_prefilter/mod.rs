@@ -12,4 +12,6 @@
 //! The footprint is too big for a full kernel, and separating it gives strong artefacts: so a spiral of sparse taps
 //! (`kernels/spiral.rs`). Background passes through.
 
+#[cfg(feature = "cpu")]
+pub(crate) mod cpu;
 pub mod reference;

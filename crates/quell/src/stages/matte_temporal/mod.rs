@@ -12,4 +12,6 @@
 //! Background and pixels without history take the current value. Their confidence is 0, that of background 1: nothing
 //! there needs help.
 
+#[cfg(feature = "cpu")]
+pub(crate) mod cpu;
 pub mod reference;

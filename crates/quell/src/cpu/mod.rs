@@ -1,0 +1,376 @@
+//! The fast back end: the stages' `cpu.rs` under the schedules of `passes/`, on all threads, vectorised for the
+//! machine at hand. The same bits come out at any number of threads and on every instruction set.
+//!
+//! Images live in phase order (`layout.rs`), signals with their passes in one buffer; a buffer rests as soon as no
+//! later step reads its image, and is used again (`buffers.rs`). History is swapped, not copied.
+
+mod buffers;
+pub(crate) mod guides;
+pub(crate) mod layout;
+mod passes;
+mod rows;
+
+use crate::border::{PlaneName, Sanitised};
+use crate::error::Error;
+use crate::frame::{Frame, Rgb, Signal};
+use crate::history::{Validity, passes_of};
+use crate::kernels::edge_cpu::Gains;
+use crate::kernels::spiral::{Spiral, SpiralShape};
+use crate::pipeline::{Image, Plan, Stage, Step};
+use crate::plane::{Plane, Size};
+use crate::report::StageTimes;
+use crate::settings::Settings;
+use crate::stages::glossy_bilateral::reference::Axis;
+use buffers::Buffers;
+use fearless_simd::Level;
+use guides::{CpuGuides, read_colours};
+use layout::{Colours, Phases};
+use passes::{composite, direct_taa, disocclusion, firefly, glossy_bilateral, sparse_bilateral, temporal};
+
+/// Confidence and history length of a signal.
+#[derive(Clone, Debug)]
+struct Memory {
+    confidence: Plane<f32>,
+    length: Plane<f32>,
+    length_before: Plane<f32>,
+}
+
+impl Memory {
+    fn new(size: Size) -> Self {
+        let (confidence, one) = (Plane::filled(size, 1.0), Plane::filled(size, 1.0));
+        Self { confidence, length: one.clone(), length_before: one }
+    }
+}
+
+/// The images that a frame leaves for its caller, in the host's order.
+#[derive(Clone, Debug, Default)]
+struct Shown {
+    image: Option<Image>,
+    planes: Vec<Plane<Rgb>>,
+}
+
+/// The fast back end for one image size.
+#[derive(Clone, Debug)]
+pub struct Cpu {
+    level: Level,
+    phases: Phases,
+    guides: Option<CpuGuides>,
+    buffers: Buffers,
+    /// Buffer lengths in use: planes of the signals.
+    planes: [usize; 2],
+    memory: [Option<Memory>; 2],
+    /// Whether stage 3, and stage 8, ran in the last frame.
+    accumulated: [bool; 2],
+    history: [Option<Colours>; 2],
+    direct_history: Option<Colours>,
+    /// Matte, glossy, direct, composite.
+    shown: [Shown; 4],
+    spiral: Spiral,
+}
+
+/// Places in `Cpu::shown` after those of the signals.
+const DIRECT: usize = 2;
+const COMPOSITE: usize = 3;
+
+impl Cpu {
+    /// Room for frames of `size`.
+    pub fn new(size: Size) -> Self {
+        Self::with_level(size, Level::new())
+    }
+
+    /// On a chosen instruction set.
+    fn with_level(size: Size, level: Level) -> Self {
+        Self {
+            level,
+            phases: Phases::new(size),
+            guides: None,
+            buffers: Buffers::default(),
+            planes: [1; 2],
+            memory: [None, None],
+            accumulated: [false; 2],
+            history: [None, None],
+            direct_history: None,
+            shown: Default::default(),
+            spiral: Spiral::empty(),
+        }
+    }
+
+    /// Runs one frame that has been checked.
+    pub fn run(
+        &mut self,
+        frame: &Frame<'_>,
+        settings: &Settings,
+        plan: &Plan,
+        valid: Validity,
+        sanitised: &mut Sanitised,
+        times: &mut StageTimes,
+    ) -> Result<(), Error> {
+        let view = frame.camera.projection(frame.size).ok_or(Error::Camera { which: "camera" })?;
+        self.open(frame);
+        // Taken out while the passes borrow it.
+        let mut guides = self.guides.take().unwrap_or_else(|| CpuGuides::new(self.phases, view));
+        let result = guides.read(frame, sanitised);
+        if result.is_ok() {
+            for (i, step) in plan.steps.iter().enumerate() {
+                if step.stage == Stage::Composite {
+                    times.measure(step.stage, || self.composite(frame, plan, sanitised));
+                    continue;
+                }
+                self.read(frame, step.input, sanitised);
+                let later = &plan.steps[i + 1..];
+                times.measure(step.stage, || self.step(step, later, frame.index, settings, &guides, valid));
+                times.measure(step.stage, || self.retire(plan, later));
+            }
+            self.close(plan);
+        }
+        self.guides = Some(guides);
+        result
+    }
+
+    /// An image of the last frame in the host's order, the signal, then its passes: of those that [`crate::Output`]
+    /// shows.
+    pub fn image(&self, image: Image) -> Option<&[Plane<Rgb>]> {
+        self.shown.iter().find(|s| s.image == Some(image)).map(|s| s.planes.as_slice())
+    }
+
+    /// Confidence and history length of a signal in the last frame.
+    pub fn temporal(&self, signal: Signal) -> Option<(&Plane<f32>, &Plane<f32>)> {
+        let memory = self.memory[signal as usize].as_ref().filter(|_| self.accumulated[signal as usize])?;
+        Some((&memory.confidence, &memory.length))
+    }
+
+    fn open(&mut self, frame: &Frame<'_>) {
+        for shown in &mut self.shown {
+            shown.image = None;
+            for plane in shown.planes.drain(..) {
+                self.buffers.give_plane(plane);
+            }
+        }
+        self.buffers.clear();
+        self.accumulated = [false; 2];
+        let planes = Signal::ALL.map(|s| 1 + passes_of(frame, s));
+        if planes != self.planes {
+            self.planes = planes;
+            let pixels = self.phases.size.pixels();
+            self.buffers.retain(&[pixels, pixels * planes[0], pixels * planes[1]]);
+        }
+        for memory in self.memory.iter_mut().flatten() {
+            std::mem::swap(&mut memory.length, &mut memory.length_before);
+        }
+    }
+
+    /// Reads an input image when the first step asks for it.
+    fn read(&mut self, frame: &Frame<'_>, image: Image, sanitised: &mut Sanitised) {
+        if self.buffers.get(image).is_some() {
+            return;
+        }
+        let (signal, name) = match image {
+            Image::MatteInput => (Some(Signal::Matte), PlaneName::Matte),
+            Image::GlossyInput => (Some(Signal::Glossy), PlaneName::Glossy),
+            Image::DirectInput => (None, PlaneName::Direct),
+            _ => return,
+        };
+        let source = signal.map_or(frame.direct, |s| frame.signal(s));
+        let planes = signal.map_or(1, |s| self.planes[s as usize]);
+        let mut colours = self.buffers.take(self.phases.size.pixels(), planes);
+        match source {
+            Some(source) => read_colours(&self.phases, source, &mut colours, 0, name, sanitised),
+            None => colours.elements_mut().fill(0.0),
+        }
+        let passes = frame.passes.iter().filter(|p| Some(p.signal) == signal);
+        for (k, pass) in passes.enumerate() {
+            read_colours(&self.phases, pass.plane, &mut colours, k + 1, PlaneName::Passes, sanitised);
+        }
+        self.buffers.insert(image, colours);
+    }
+
+    fn step(
+        &mut self,
+        step: &Step,
+        later: &[Step],
+        index: i64,
+        settings: &Settings,
+        guides: &CpuGuides,
+        valid: Validity,
+    ) {
+        let (phases, level) = (self.phases, self.level);
+        let pixels = phases.size.pixels();
+        // The plan guarantees it; a mistake in it shows as a missing output, not as a panic.
+        let Some(input) = self.buffers.remove(step.input) else { return };
+        let mut output = self.buffers.take(pixels, input.planes);
+        match step.stage {
+            Stage::MatteTemporal | Stage::GlossyTemporal => {
+                let (signal, valid) = match step.stage {
+                    Stage::MatteTemporal => (Signal::Matte, valid.matte),
+                    _ => (Signal::Glossy, valid.glossy),
+                };
+                let memory = self.memory[signal as usize].get_or_insert_with(|| Memory::new(phases.size));
+                self.accumulated[signal as usize] = true;
+                let Memory { confidence, length, length_before } = memory;
+                let history = self.history[signal as usize].take();
+                match history.as_ref().filter(|h| valid && h.planes == input.planes) {
+                    Some(colours) => {
+                        let filter = temporal::Filter { level, guides, settings, signal };
+                        let remembered = temporal::Remembered { colours, length: length_before };
+                        temporal::run(&filter, &input, remembered, &mut output, temporal::Memory { confidence, length });
+                    }
+                    None => {
+                        temporal::begin(guides, temporal::Memory { confidence, length });
+                        output.data.copy_from_slice(&input.data);
+                    }
+                }
+                if let Some(history) = history {
+                    self.buffers.give(history);
+                }
+            }
+            Stage::MattePrefilter | Stage::MatteBilateral => {
+                let rows = phases.size.height;
+                let shape = match step.stage {
+                    Stage::MattePrefilter => SpiralShape::prefilter(&settings.matte_prefilter, rows, index),
+                    _ => SpiralShape::bilateral(&settings.matte_bilateral, rows, index),
+                };
+                self.spiral.fill(&shape);
+                let gains = Gains::matte(&settings.edge);
+                let filter = sparse_bilateral::Filter { level, guides, gains, spiral: &self.spiral, shape };
+                sparse_bilateral::run(&filter, &input, &mut output);
+            }
+            Stage::Disocclusion => self.disocclusion(step, settings, &input, &mut output),
+            Stage::Firefly => firefly::run(level, guides, settings.firefly.median, &input, &mut output),
+            Stage::GlossyHorizontal | Stage::GlossyVertical => {
+                let axis =
+                    if step.stage == Stage::GlossyHorizontal { Axis::Horizontal } else { Axis::Vertical };
+                let filter = glossy_bilateral::Filter { level, guides, settings, axis };
+                glossy_bilateral::run(&filter, &input, &mut output);
+            }
+            Stage::DirectTaa => {
+                let history = self.direct_history.take();
+                match history.as_ref().filter(|_| valid.direct) {
+                    Some(history) => {
+                        direct_taa::run(level, guides, &settings.direct_taa, (&input, history), &mut output);
+                    }
+                    None => output.data.copy_from_slice(&input.data),
+                }
+                if let Some(history) = history {
+                    self.buffers.give(history);
+                }
+            }
+            Stage::Composite => {}
+        }
+        if later.iter().any(|s| reads(s, step.input)) {
+            self.buffers.insert(step.input, input);
+        } else {
+            self.buffers.give(input);
+        }
+        self.buffers.insert(step.output, output);
+    }
+
+    fn disocclusion(&mut self, step: &Step, settings: &Settings, input: &Colours, output: &mut Colours) {
+        let (phases, level) = (self.phases, self.level);
+        let pixels = phases.size.pixels();
+        let prefiltered = step.also_reads.iter().find_map(|i| self.buffers.remove(*i).map(|c| (*i, c)));
+        let Some((name, prefiltered)) = prefiltered else { return };
+        let mut scratch = self.buffers.take(pixels, 1);
+        if let Some(memory) = &self.memory[Signal::Matte as usize] {
+            let (distrust, rest) = scratch.elements_mut().split_at_mut(pixels);
+            let stage = &settings.disocclusion;
+            disocclusion::distrust(level, &phases, &memory.confidence, stage, distrust, &mut rest[..pixels]);
+            let images = (input, &prefiltered);
+            disocclusion::run(level, &phases, images, distrust, stage.floor, output);
+            if step.also_writes.contains(&Image::MatteFloored) {
+                let floor = stage.floor.max(stage.feedback_floor);
+                let mut floored = self.buffers.take(pixels, input.planes);
+                disocclusion::run(level, &phases, images, distrust, floor, &mut floored);
+                self.buffers.insert(Image::MatteFloored, floored);
+            }
+        }
+        self.buffers.give(scratch);
+        self.buffers.insert(name, prefiltered);
+    }
+
+    /// Shows and lays to rest the images that no later step filters.
+    fn retire(&mut self, plan: &Plan, later: &[Step]) {
+        let outputs = [plan.matte_output, plan.glossy_output, plan.direct_output];
+        let feedback = [plan.matte_feedback, plan.glossy_feedback];
+        for image in ALL_IMAGES {
+            let direct_feedback = image == Image::DirectAntialiased;
+            if later.iter().any(|s| reads(s, image)) {
+                continue;
+            }
+            let Some(colours) = self.buffers.remove(image) else { continue };
+            if let Some(place) = outputs.iter().position(|o| *o == image) {
+                if self.shown[place].image.is_none() {
+                    self.buffers.show(&self.phases, &colours, &mut self.shown[place].planes);
+                    self.shown[place].image = Some(image);
+                }
+            }
+            if feedback.contains(&Some(image)) || direct_feedback {
+                self.buffers.insert(image, colours);
+            } else {
+                self.buffers.give(colours);
+            }
+        }
+    }
+
+    fn composite(&mut self, frame: &Frame<'_>, plan: &Plan, sanitised: &mut Sanitised) {
+        // Images that no stage has touched are still with the frame.
+        let outputs = [
+            frame.matte.map(|_| plan.matte_output),
+            frame.glossy.map(|_| plan.glossy_output),
+            Some(plan.direct_output),
+        ];
+        for (place, image) in outputs.into_iter().enumerate() {
+            let Some(image) = image.filter(|_| self.shown[place].image.is_none()) else { continue };
+            self.read(frame, image, sanitised);
+            if let Some(colours) = self.buffers.remove(image) {
+                self.buffers.show(&self.phases, &colours, &mut self.shown[place].planes);
+                self.buffers.give(colours);
+                self.shown[place].image = Some(image);
+            }
+        }
+        let Ok(mut output) = Plane::from_vec(self.phases.size, self.buffers.take(self.phases.size.pixels(), 1).data)
+        else {
+            return; // the length is right by construction
+        };
+        let signals = [0, 1].map(|s| self.shown[s].planes.first());
+        if let Some(direct) = self.shown[DIRECT].planes.first() {
+            composite::run(self.level, frame, direct, signals, &mut output, sanitised);
+            self.shown[COMPOSITE].image = Some(Image::Composite);
+            self.shown[COMPOSITE].planes.push(output);
+        }
+    }
+
+    fn close(&mut self, plan: &Plan) {
+        for (history, feedback) in self.history.iter_mut().zip([plan.matte_feedback, plan.glossy_feedback]) {
+            // A history that no stage has consumed is out of date.
+            if let Some(old) = history.take() {
+                self.buffers.give(old);
+            }
+            *history = feedback.and_then(|image| self.buffers.remove(image));
+        }
+        if let Some(old) = self.direct_history.take() {
+            self.buffers.give(old);
+        }
+        self.direct_history = self.buffers.remove(Image::DirectAntialiased);
+    }
+}
+
+/// Whether a step filters or blends an image (the composite reads what is shown).
+fn reads(step: &Step, image: Image) -> bool {
+    step.stage != Stage::Composite && (step.input == image || step.also_reads.contains(&image))
+}
+
+/// Images that hold colours.
+const ALL_IMAGES: [Image; 12] = [
+    Image::MatteInput,
+    Image::MatteTemporal,
+    Image::MattePrefiltered,
+    Image::MatteBlended,
+    Image::MatteFloored,
+    Image::MatteMedian,
+    Image::MatteFiltered,
+    Image::GlossyInput,
+    Image::GlossyTemporal,
+    Image::GlossyHorizontal,
+    Image::GlossyFiltered,
+    Image::DirectAntialiased,
+];

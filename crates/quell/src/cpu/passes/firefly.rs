@@ -1,0 +1,150 @@
+//! The schedule of stage 6: for each run of pixels its nine neighbours, then the median of each lane.
+
+use crate::cpu::guides::{CpuGuides, field};
+use crate::cpu::layout::{Colours, Phases, channel};
+use crate::cpu::rows;
+use crate::kernels::math::luminance;
+use crate::kernels::spiral::PERIOD;
+use crate::settings::Median;
+use crate::stages::firefly::cpu::{NEIGHBOURS, median, rank};
+use fearless_simd::{Level, dispatch};
+
+/// Pixels whose medians are found together.
+const RUN: usize = 64;
+type Run = [f32; RUN];
+
+pub(crate) fn run(level: Level, guides: &CpuGuides, kind: Median, input: &Colours, output: &mut Colours) {
+    let phases = guides.phases;
+    let stride = output.stride(phases.size.width);
+    rows::each(output.elements_mut(), stride, |y, out| {
+        dispatch!(level, _simd => {
+            if kind == Median::Channel && input.planes == 1 {
+                values(guides, &phases, input, y, out);
+            } else {
+                choices(guides, &phases, kind, input, y, out);
+            }
+        });
+    });
+}
+
+/// Where the neighbours of a run lie, and which of them are surfaces.
+struct Around {
+    y: usize,
+    phase: usize,
+    first: usize,
+    n: usize,
+    /// 1 where a neighbour counts, 0 where the centre stands in for it.
+    counts: [[u32; RUN]; NEIGHBOURS],
+}
+
+impl Around {
+    #[inline(always)]
+    fn new(guides: &CpuGuides, phases: &Phases, y: usize, phase: usize, first: usize, n: usize) -> Self {
+        let (width, height) = (phases.size.width, phases.size.height);
+        let mut around = Self { y, phase, first, n, counts: [[0; RUN]; NEIGHBOURS] };
+        let own = &field(&guides.now.depth, width, 1, y, 0)[phases.range(phase).start + first..][..n];
+        for k in 0..NEIGHBOURS {
+            let (dx, ty) = (k as i32 % 3 - 1, (y + k / 3).wrapping_sub(1));
+            if ty >= height {
+                continue;
+            }
+            let Some(span) = phases.shifted(phase, first, n, dx) else { continue };
+            let depth = &field(&guides.now.depth, width, 1, ty, 0)[span.source..][..span.len];
+            let counts = &mut around.counts[k][span.first..][..span.len];
+            let own = &own[span.first..][..span.len];
+            for i in 0..span.len {
+                counts[i] = u32::from((depth[i] < f32::INFINITY) & (own[i] < f32::INFINITY));
+            }
+        }
+        around
+    }
+
+    /// One channel of the neighbours; the centre's where they do not count.
+    #[inline(always)]
+    fn load(&self, phases: &Phases, input: &Colours, plane: usize, c: usize, values: &mut [Run; NEIGHBOURS]) {
+        let (width, height) = (phases.size.width, phases.size.height);
+        let begin = phases.range(self.phase).start + self.first;
+        let own = &channel(input.row(width, self.y), width, plane, c)[begin..][..self.n];
+        for k in 0..NEIGHBOURS {
+            values[k][..self.n].copy_from_slice(own);
+            let (dx, ty) = (k as i32 % 3 - 1, (self.y + k / 3).wrapping_sub(1));
+            if ty >= height {
+                continue;
+            }
+            let Some(span) = phases.shifted(self.phase, self.first, self.n, dx) else { continue };
+            let source = &channel(input.row(width, ty), width, plane, c)[span.source..][..span.len];
+            let counts = &self.counts[k][span.first..][..span.len];
+            let out = &mut values[k][span.first..][..span.len];
+            for i in 0..span.len {
+                out[i] = if counts[i] != 0 { source[i] } else { out[i] };
+            }
+        }
+    }
+}
+
+#[inline(always)]
+fn values(guides: &CpuGuides, phases: &Phases, input: &Colours, y: usize, out: &mut [f32]) {
+    let width = phases.size.width;
+    let mut v = [[0.0; RUN]; NEIGHBOURS];
+    for phase in 0..PERIOD {
+        for first in (0..phases.count(phase)).step_by(RUN) {
+            let n = RUN.min(phases.count(phase) - first);
+            let around = Around::new(guides, phases, y, phase, first, n);
+            for c in 0..3 {
+                around.load(phases, input, 0, c, &mut v);
+                let mut result = [0.0; RUN];
+                for i in 0..RUN {
+                    result[i] = median([0, 1, 2, 3, 4, 5, 6, 7, 8].map(|k| v[k][i]));
+                }
+                out[c * width + phases.range(phase).start + first..][..n].copy_from_slice(&result[..n]);
+            }
+        }
+    }
+}
+
+#[inline(always)]
+fn choices(guides: &CpuGuides, phases: &Phases, kind: Median, input: &Colours, y: usize, out: &mut [f32]) {
+    let width = phases.size.width;
+    let mut v = [[0.0; RUN]; NEIGHBOURS];
+    for phase in 0..PERIOD {
+        for first in (0..phases.count(phase)).step_by(RUN) {
+            let n = RUN.min(phases.count(phase) - first);
+            let around = Around::new(guides, phases, y, phase, first, n);
+            let mut chosen = [[0u32; RUN]; 3];
+            match kind {
+                Median::Channel => {
+                    for c in 0..3 {
+                        around.load(phases, input, 0, c, &mut v);
+                        for i in 0..RUN {
+                            chosen[c][i] = rank([0, 1, 2, 3, 4, 5, 6, 7, 8].map(|k| v[k][i]));
+                        }
+                    }
+                }
+                Median::Luminance => {
+                    let mut colours = [[[0.0; RUN]; NEIGHBOURS]; 3];
+                    for c in 0..3 {
+                        around.load(phases, input, 0, c, &mut colours[c]);
+                    }
+                    for k in 0..NEIGHBOURS {
+                        for i in 0..RUN {
+                            v[k][i] = luminance([colours[0][k][i], colours[1][k][i], colours[2][k][i]]);
+                        }
+                    }
+                    for i in 0..RUN {
+                        chosen[0][i] = rank([0, 1, 2, 3, 4, 5, 6, 7, 8].map(|k| v[k][i]));
+                    }
+                    chosen = [chosen[0]; 3];
+                }
+            }
+            for plane in 0..input.planes {
+                for c in 0..3 {
+                    around.load(phases, input, plane, c, &mut v);
+                    let out = &mut out[(plane * 3 + c) * width + phases.range(phase).start + first..][..n];
+                    for i in 0..n {
+                        out[i] = v[chosen[c][i] as usize % NEIGHBOURS][i];
+                    }
+                }
+            }
+        }
+    }
+}

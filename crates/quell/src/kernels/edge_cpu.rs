@@ -1,0 +1,221 @@
+//! The cross-bilateral weight (`edge.rs`) on runs of pixels, in the form that costs least there.
+//!
+//! Rays are affine in the pixel, so a tap that lies (dx, dy) pixels away has the offset dX = D s + v_p (z_q - z_p),
+//! D the change of ray over (dx, dy), the same for all pixels, v_p the centre's ray direction, s = z_q (perspective) or
+//! 1 (orthographic). With a = n_p.v_p and k = n_p.D: dX.n_p = k s + a (z_q - z_p), and the distance in depth to p's
+//! tangent plane is dX.n_p / (n_p.v_q). No world position is needed, and nothing cancels.
+
+use super::edge::{COINCIDENT_PX, GLOSS_SCALE};
+use crate::camera::Projection;
+use crate::settings::Edge;
+use glam::Vec3;
+
+/// Pixels whose weights are computed together.
+pub(crate) const RUN: usize = 128;
+
+/// One value for each pixel of a run.
+pub(crate) type Run = [f32; RUN];
+
+/// The gains of the weight for one lobe.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Gains {
+    depth: f32,
+    normal: f32,
+    /// Twice Kp.
+    plane: f32,
+    /// Ten times Kg.
+    gloss: f32,
+}
+
+impl Gains {
+    /// For stages 4 and 7.
+    pub fn matte(edge: &Edge) -> Self {
+        Self {
+            depth: edge.depth,
+            normal: edge.normal,
+            plane: 2.0 * edge.plane,
+            gloss: GLOSS_SCALE * edge.matte_gloss,
+        }
+    }
+
+    /// For stages 9 and 10.
+    pub fn glossy(edge: &Edge) -> Self {
+        Self { gloss: GLOSS_SCALE * edge.glossy_gloss, ..Self::matte(edge) }
+    }
+
+    /// Roughness takes part.
+    pub fn reads_roughness(&self) -> bool {
+        self.gloss != 0.0
+    }
+}
+
+/// Guides of a run of pixels, as slices of equal length.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct GuideRun<'a> {
+    pub depth: &'a [f32],
+    pub normal: [&'a [f32]; 3],
+    pub roughness: &'a [f32],
+    pub id: &'a [u32],
+}
+
+/// What the weights need of the centre pixels.
+#[derive(Debug)]
+pub(crate) struct Centres {
+    depth: Run,
+    inverse_depth: Run,
+    normal: [Run; 3],
+    /// v_p: displacement of one unit of view depth.
+    ray: [Run; 3],
+    /// a = n_p.v_p.
+    facing: Run,
+    /// n_p . change of ray for one pixel to the right, and down.
+    along: [Run; 2],
+    /// Distance under which a tap has no direction.
+    coincident: Run,
+    roughness: Run,
+    id: [u32; RUN],
+}
+
+impl Centres {
+    pub fn new() -> Self {
+        Self {
+            depth: [1.0; RUN],
+            inverse_depth: [1.0; RUN],
+            normal: [[0.0; RUN]; 3],
+            ray: [[0.0; RUN]; 3],
+            facing: [0.0; RUN],
+            along: [[0.0; RUN]; 2],
+            coincident: [0.0; RUN],
+            roughness: [0.0; RUN],
+            id: [0; RUN],
+        }
+    }
+
+    /// Fills in the run whose pixel i was sampled at (u + 4 i, v).
+    #[inline(always)]
+    pub fn fill(&mut self, view: &Projection, guides: &GuideRun<'_>, u: f32, v: f32) {
+        let n = guides.depth.len();
+        let step = change_of_ray(view);
+        let row = view.direction[0] + view.direction[2] * v;
+        let across = view.direction[1];
+        let pixel_size = view.pixel_size(1.0);
+        self.depth[..n].copy_from_slice(guides.depth);
+        self.roughness[..n].copy_from_slice(guides.roughness);
+        self.id[..n].copy_from_slice(guides.id);
+        for c in 0..3 {
+            self.normal[c][..n].copy_from_slice(guides.normal[c]);
+        }
+        for i in 0..RUN {
+            let column = u + (4 * i) as f32;
+            let ray = [row.x + across.x * column, row.y + across.y * column, row.z + across.z * column];
+            let normal = [self.normal[0][i], self.normal[1][i], self.normal[2][i]];
+            for c in 0..3 {
+                self.ray[c][i] = ray[c];
+            }
+            self.facing[i] = dot(normal, ray);
+            for axis in 0..2 {
+                self.along[axis][i] = dot(normal, step[axis].to_array());
+            }
+            let scale = if view.perspective { self.depth[i] } else { 1.0 };
+            self.coincident[i] = COINCIDENT_PX * pixel_size * scale;
+            self.inverse_depth[i] = 1.0 / self.depth[i];
+        }
+    }
+}
+
+/// A tap of all pixels of a run.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Tap {
+    /// Pixels to the right.
+    pub dx: f32,
+    /// Pixels down.
+    pub dy: f32,
+    /// D: change of ray over (dx, dy).
+    pub delta: [f32; 3],
+}
+
+impl Tap {
+    pub fn new(view: &Projection, dx: i32, dy: i32) -> Self {
+        let step = change_of_ray(view);
+        let (dx, dy) = (dx as f32, dy as f32);
+        Self { dx, dy, delta: (step[0] * dx + step[1] * dy).to_array() }
+    }
+}
+
+/// What one pixel to the right, and one down, changes: the direction of a perspective camera's ray, the origin of an
+/// orthographic one's.
+#[inline(always)]
+fn change_of_ray(view: &Projection) -> [Vec3; 2] {
+    if view.perspective { [view.direction[1], view.direction[2]] } else { [view.origin[1], view.origin[2]] }
+}
+
+#[inline(always)]
+fn dot(a: [f32; 3], b: [f32; 3]) -> f32 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+/// One instruction on every machine; a NaN in `a` gives 0.
+#[inline(always)]
+fn at_least_0(a: f32) -> f32 {
+    if a > 0.0 { a } else { 0.0 }
+}
+
+/// Edge weights, 0..1, of the taps `q` for the centres from lane `first` on; `out` is as long as `q`.
+#[inline(always)]
+pub(crate) fn weights<const PERSPECTIVE: bool, const GLOSS: bool>(
+    centres: &Centres,
+    first: usize,
+    q: &GuideRun<'_>,
+    tap: &Tap,
+    gains: &Gains,
+    out: &mut [f32],
+) {
+    let n = out.len();
+    // Slices of one known length: no bounds check is left in the loop, which is what lets it become vectors.
+    fn lanes<T>(run: &[T; RUN], first: usize, n: usize) -> &[T] {
+        &run[first..][..n]
+    }
+    let (p_depth, p_inverse_depth) = (lanes(&centres.depth, first, n), lanes(&centres.inverse_depth, first, n));
+    let [p_nx, p_ny, p_nz] = [0, 1, 2].map(|c| lanes(&centres.normal[c], first, n));
+    let [p_rx, p_ry, p_rz] = [0, 1, 2].map(|c| lanes(&centres.ray[c], first, n));
+    let p_facing = lanes(&centres.facing, first, n);
+    let [p_ax, p_ay] = [0, 1].map(|c| lanes(&centres.along[c], first, n));
+    let (p_coincident, p_id) = (lanes(&centres.coincident, first, n), lanes(&centres.id, first, n));
+    let p_roughness = lanes(&centres.roughness, first, n);
+    let (q_depth, q_id, q_roughness) = (&q.depth[..n], &q.id[..n], &q.roughness[..n]);
+    let [q_nx, q_ny, q_nz] = [&q.normal[0][..n], &q.normal[1][..n], &q.normal[2][..n]];
+    let (dx, dy, delta) = (tap.dx, tap.dy, tap.delta);
+    for i in 0..n {
+        let z = q_depth[i];
+        let rise = z - p_depth[i];
+        let scale = if PERSPECTIVE { z } else { 1.0 };
+        let k = p_ax[i] * dx + p_ay[i] * dy;
+        let out_of_p = k * scale + p_facing[i] * rise;
+        let q_facing = if PERSPECTIVE { p_facing[i] + k } else { p_facing[i] };
+        let beyond = out_of_p / q_facing;
+        let w_depth = at_least_0(1.0 - gains.depth * beyond.abs() * p_inverse_depth[i]);
+        let w_depth = if z - beyond > 0.0 { w_depth } else { 0.0 };
+
+        let cosine = at_least_0(p_nx[i] * q_nx[i] + p_ny[i] * q_ny[i] + p_nz[i] * q_nz[i]);
+        let squared = cosine * cosine;
+        let w_normal = at_least_0(1.0 - gains.normal * (1.0 - squared * squared));
+
+        let ox = delta[0] * scale + p_rx[i] * rise;
+        let oy = delta[1] * scale + p_ry[i] * rise;
+        let oz = delta[2] * scale + p_rz[i] * rise;
+        let out_of_q = (ox * q_nx[i] + oy * q_ny[i] + oz * q_nz[i]).abs();
+        let out_of_p = out_of_p.abs();
+        let out_of_plane = if out_of_p > out_of_q { out_of_p } else { out_of_q };
+        let distance = (ox * ox + oy * oy + oz * oz).sqrt();
+        let w = at_least_0(1.0 - gains.plane * out_of_plane / distance);
+        let w_plane = if distance < p_coincident[i] { 1.0 } else { w * w };
+
+        let mut weight = w_depth * w_normal * w_plane;
+        if GLOSS {
+            weight *= at_least_0(1.0 - gains.gloss * (q_roughness[i] - p_roughness[i]).abs());
+        }
+        // Background has an infinite depth.
+        let same = (q_id[i] == p_id[i]) & (z < f32::INFINITY);
+        out[i] = if same { weight } else { 0.0 };
+    }
+}

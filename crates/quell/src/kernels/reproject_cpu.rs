@@ -1,0 +1,487 @@
+//! Reprojection (`reproject.rs`) on runs of pixels: arithmetic lane by lane, in the reference's order of operations, so
+//! that both find the same places to the bit. Previous pixels lie anywhere: they are collected one by one.
+
+use super::math::smoothstep;
+use crate::camera::Projection;
+use crate::cpu::guides::{CpuGuides, Surfaces, field};
+use crate::settings::{GlossyTemporal, HitFilter, Rejection, Settings, Surface as SurfaceSettings};
+use glam::{Vec2, Vec3};
+
+/// Pixels that are looked up together.
+pub(crate) const LANES: usize = 64;
+/// One value for each of them.
+pub(crate) type Lanes = [f32; LANES];
+/// Likewise of a vector.
+pub(crate) type Lanes3 = [Lanes; 3];
+
+/// Weights under this share of the bilinear footprint are no evidence: rounding of a coordinate.
+const LEAST_FOOTPRINT: f32 = 1e-3;
+
+/// The pixels of a run, what they show, and what history must show there.
+#[derive(Debug)]
+pub(crate) struct Expected {
+    /// Lanes that hold a pixel.
+    pub n: usize,
+    /// Columns.
+    pub x: Lanes,
+    /// The row.
+    pub y: usize,
+    pub depth: Lanes,
+    pub normal: Lanes3,
+    pub roughness: Lanes,
+    pub id: [u32; LANES],
+    motion: [Lanes; 2],
+    /// World position now.
+    pub position: Lanes3,
+    /// Place in the previous image.
+    pub coordinate: [Lanes; 2],
+    /// A point of the surface and its normal at the previous frame's time.
+    pub was_at: Lanes3,
+    pub was_facing: Lanes3,
+    /// 1: there may be history.
+    pub alive: [u32; LANES],
+    /// 1: it moved by itself.
+    pub moved: [u32; LANES],
+}
+
+impl Expected {
+    pub fn new() -> Self {
+        Self {
+            n: 0,
+            x: [0.0; LANES],
+            y: 0,
+            depth: [f32::INFINITY; LANES],
+            normal: [[0.0; LANES]; 3],
+            roughness: [0.0; LANES],
+            id: [0; LANES],
+            motion: [[0.0; LANES]; 2],
+            position: [[0.0; LANES]; 3],
+            coordinate: [[0.0; LANES]; 2],
+            was_at: [[0.0; LANES]; 3],
+            was_facing: [[0.0; LANES]; 3],
+            alive: [0; LANES],
+            moved: [0; LANES],
+        }
+    }
+
+    /// Steps 1 and 6, matte, for the `n` pixels of row `y` from element `begin` on, the first in column `x`, every
+    /// `stride`-th column.
+    #[inline(always)]
+    pub fn find(
+        &mut self,
+        guides: &CpuGuides,
+        settings: &SurfaceSettings,
+        (y, begin, n): (usize, usize, usize),
+        (x, stride): (usize, usize),
+    ) {
+        let size = guides.phases.size;
+        let width = size.width;
+        let now = &guides.now;
+        self.n = n;
+        self.y = y;
+        self.depth = [f32::INFINITY; LANES];
+        self.depth[..n].copy_from_slice(&field(&now.depth, width, 1, y, 0)[begin..][..n]);
+        for c in 0..3 {
+            self.normal[c][..n].copy_from_slice(&field(&now.normal, width, 3, y, c)[begin..][..n]);
+        }
+        for c in 0..2 {
+            self.motion[c][..n].copy_from_slice(&field(&guides.motion, width, 2, y, c)[begin..][..n]);
+        }
+        self.roughness[..n].copy_from_slice(&field(&now.roughness, width, 1, y, 0)[begin..][..n]);
+        self.id[..n].copy_from_slice(&field(&now.id, width, 1, y, 0)[begin..][..n]);
+        let row = y as f32 + 0.5;
+        let v = row + now.jitter.y;
+        let (view, previous) = (&now.view, &guides.previous_view);
+        let guard = settings.guard_band;
+        let (right, bottom) = (width as f32 - guard, size.height as f32 - guard);
+        for i in 0..LANES {
+            self.x[i] = (x + stride * i) as f32;
+            let column = self.x[i] + 0.5;
+            let u = column + now.jitter.x;
+            let z = self.depth[i];
+            let (mx, my) = (self.motion[0][i], self.motion[1][i]);
+            let position = world(view, u, v, z);
+            let (cx, cy) = (column + mx, row + my);
+            let on_screen = (cx >= guard) & (cy >= guard) & (cx <= right) & (cy <= bottom);
+            let alive = (z < f32::INFINITY) & !mx.is_nan() & !my.is_nan() & on_screen;
+            let (px, py, ahead) = pixel(previous, position);
+            let (ex, ey) = (px - u - mx, py - v - my);
+            let moved = !ahead | ((ex * ex + ey * ey).sqrt() > settings.static_motion);
+            for c in 0..3 {
+                self.position[c][i] = position[c];
+                self.was_at[c][i] = position[c];
+                self.was_facing[c][i] = self.normal[c][i];
+            }
+            self.coordinate[0][i] = cx;
+            self.coordinate[1][i] = cy;
+            self.alive[i] = u32::from(alive);
+            self.moved[i] = u32::from(alive & moved);
+        }
+        for i in 0..n {
+            if self.moved[i] != 0 {
+                self.anchor(guides, settings, i);
+            }
+        }
+    }
+
+    /// Motion tells the pixel but not the depth: the nearest previous pixel of the same object anchors the plane.
+    #[inline(never)]
+    fn anchor(&mut self, guides: &CpuGuides, settings: &SurfaceSettings, i: usize) {
+        let before = &guides.before;
+        let corner = Vec2::new(self.coordinate[0][i], self.coordinate[1][i]) - 0.5;
+        let base = corner.floor();
+        let t = corner - base;
+        let mut nearest: Option<(f32, usize, usize, usize)> = None;
+        for k in 0..4 {
+            let (x, y) = (base.x as isize + (k & 1), base.y as isize + (k >> 1));
+            if !guides.phases.size.contains(x, y) {
+                continue;
+            }
+            let weight = (if k & 1 == 0 { 1.0 - t.x } else { t.x }) * (if k >> 1 == 0 { 1.0 - t.y } else { t.y });
+            let (x, y) = (x as usize, y as usize);
+            let e = guides.phases.index(x, y);
+            let known = before.depth[e].is_finite() && before.id[e] == self.id[i];
+            if known && nearest.is_none_or(|best| weight.total_cmp(&best.0).is_ge()) {
+                nearest = Some((weight, e, x, y));
+            }
+        }
+        let Some((_, e, x, y)) = nearest else {
+            self.alive[i] = 0;
+            return;
+        };
+        let anchor = before.view.world(crate::border::sample_position(x, y, before.jitter), before.depth[e]);
+        let position = Vec3::from([0, 1, 2].map(|c| self.position[c][i]));
+        let previous = &guides.previous_view;
+        let travelled = (previous.view_depth(anchor) - previous.view_depth(position)).abs();
+        if travelled > settings.moving_depth * self.depth[i] {
+            self.alive[i] = 0;
+            return;
+        }
+        let width = guides.phases.size.width;
+        let normal = normal_at(before, width, y, e - y * width);
+        for c in 0..3 {
+            self.was_at[c][i] = anchor[c];
+            self.was_facing[c][i] = normal[c];
+        }
+    }
+}
+
+#[inline(always)]
+fn normal_at(surfaces: &Surfaces, width: usize, y: usize, element: usize) -> [f32; 3] {
+    [0, 1, 2].map(|c| surfaces.normal[(3 * y + c) * width + element])
+}
+
+/// [`Projection::world`].
+#[inline(always)]
+fn world(view: &Projection, u: f32, v: f32, depth: f32) -> [f32; 3] {
+    let axis = |a: &[Vec3; 3], c: usize| a[0][c] + a[1][c] * u + a[2][c] * v;
+    [0, 1, 2].map(|c| axis(&view.origin, c) + axis(&view.direction, c) * depth)
+}
+
+/// [`Projection::pixel`]; false: behind the eye.
+#[inline(always)]
+fn pixel(view: &Projection, world: [f32; 3]) -> (f32, f32, bool) {
+    let p = world.map(f64::from);
+    let row = |r: &(glam::DVec3, f64)| r.0.x * p[0] + r.0.y * p[1] + r.0.z * p[2] + r.1;
+    divide(row(&view.u), row(&view.v), row(&view.w))
+}
+
+/// [`Projection::pixel_of_direction`]; false: behind the eye.
+#[inline(always)]
+fn pixel_of_direction(view: &Projection, direction: [f32; 3]) -> (f32, f32, bool) {
+    let p = direction.map(f64::from);
+    let row = |r: &(glam::DVec3, f64)| r.0.x * p[0] + r.0.y * p[1] + r.0.z * p[2];
+    divide(row(&view.u), row(&view.v), row(&view.w))
+}
+
+#[inline(always)]
+fn divide(u: f64, v: f64, w: f64) -> (f32, f32, bool) {
+    ((u / w) as f32, (v / w) as f32, w > 0.0)
+}
+
+#[inline(always)]
+fn dot(a: [f32; 3], b: [f32; 3]) -> f32 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+#[inline(always)]
+fn lane(v: &Lanes3, i: usize) -> [f32; 3] {
+    [v[0][i], v[1][i], v[2][i]]
+}
+
+/// The four pixels of each lane's footprint: where they are and what they show.
+#[derive(Debug)]
+pub(crate) struct Footprint {
+    weight: [Lanes; 4],
+    column: [Lanes; 4],
+    row: [Lanes; 4],
+    /// Column in images in the host's order, element of a row in phase order, and row.
+    place: [[(u32, u32, u32); LANES]; 4],
+    depth: [Lanes; 4],
+    normal: [Lanes3; 4],
+    roughness: [Lanes; 4],
+    id: [[u32; LANES]; 4],
+}
+
+/// Up to four pixels of the previous image for each lane, with weights that add up to 1, and how far they are to be
+/// trusted.
+#[derive(Debug)]
+pub(crate) struct Lookup {
+    /// Column in images in the host's order, element of a row in phase order, and row.
+    pub place: [[(u32, u32, u32); LANES]; 4],
+    /// Weights; 0 for pixels that show something else.
+    pub weight: [Lanes; 4],
+    /// rho, 0..1; 0: there is no history.
+    pub trust: Lanes,
+}
+
+impl Lookup {
+    pub fn new() -> Self {
+        Self { place: [[(0, 0, 0); LANES]; 4], weight: [[0.0; LANES]; 4], trust: [0.0; LANES] }
+    }
+}
+
+impl Footprint {
+    pub fn new() -> Self {
+        Self {
+            weight: [[0.0; LANES]; 4],
+            column: [[0.0; LANES]; 4],
+            row: [[0.0; LANES]; 4],
+            place: [[(0, 0, 0); LANES]; 4],
+            depth: [[f32::INFINITY; LANES]; 4],
+            normal: [[[0.0; LANES]; 3]; 4],
+            roughness: [[0.0; LANES]; 4],
+            id: [[0; LANES]; 4],
+        }
+    }
+
+    /// Collects what the previous image shows around `coordinate`, for the lanes that are alive.
+    #[inline(always)]
+    pub fn collect(&mut self, guides: &CpuGuides, coordinate: &[Lanes; 2], alive: &[u32; LANES], roughness: bool) {
+        let (size, before) = (guides.phases.size, &guides.before);
+        let mut base = [[0i32; LANES]; 2];
+        for i in 0..LANES {
+            // Dead lanes may hold anything.
+            let cx = if alive[i] != 0 { coordinate[0][i] } else { 0.0 } - 0.5;
+            let cy = if alive[i] != 0 { coordinate[1][i] } else { 0.0 } - 0.5;
+            let (bx, by) = (cx.floor(), cy.floor());
+            let (tx, ty) = (cx - bx, cy - by);
+            base[0][i] = bx as i32;
+            base[1][i] = by as i32;
+            for k in 0..4 {
+                let wx = if k & 1 == 0 { 1.0 - tx } else { tx };
+                let wy = if k >> 1 == 0 { 1.0 - ty } else { ty };
+                self.weight[k][i] = wx * wy;
+                self.column[k][i] = bx + (k & 1) as f32;
+                self.row[k][i] = by + (k >> 1) as f32;
+            }
+        }
+        for k in 0..4 {
+            self.depth[k] = [f32::INFINITY; LANES];
+            let (right, down) = ((k & 1) as i32, (k >> 1) as i32);
+            for i in 0..LANES {
+                let (x, y) = (base[0][i] + right, base[1][i] + down);
+                if alive[i] == 0 || x < 0 || y < 0 || x as usize >= size.width || y as usize >= size.height {
+                    continue;
+                }
+                let (x, y) = (x as usize, y as usize);
+                let element = guides.phases.element(x);
+                let index = y * size.width + element;
+                self.place[k][i] = (x as u32, element as u32, y as u32);
+                self.depth[k][i] = before.depth[index];
+                self.id[k][i] = before.id[index];
+                let normal = normal_at(before, size.width, y, element);
+                for c in 0..3 {
+                    self.normal[k][c][i] = normal[c];
+                }
+                if roughness {
+                    self.roughness[k][i] = before.roughness[index];
+                }
+            }
+        }
+    }
+
+    /// Steps 4 and 6: each of the four pixels tested singly. `reflector`: by the tests of 6b.
+    #[inline(always)]
+    pub fn look_up(&self, guides: &CpuGuides, settings: &Settings, e: &Expected, reflector: bool, found: &mut Lookup) {
+        let (surface, glossy) = (&settings.surface, &settings.glossy_temporal);
+        let least_cosine = if reflector { glossy.reflector_normal_min } else { surface.normal_min };
+        // Never by point distance on a reflector: there the previous surface is another point of the mirror.
+        let rejection = match surface.rejection {
+            Rejection::Off => Rejection::Off,
+            Rejection::Point if !reflector => Rejection::Point,
+            Rejection::Point | Rejection::Plane => Rejection::Plane,
+        };
+        let before = &guides.before;
+        found.place = self.place;
+        let mut total = [0.0; LANES];
+        let mut trusted = [0.0; LANES];
+        for k in 0..4 {
+            for i in 0..LANES {
+                let depth = self.depth[k][i];
+                let normal = lane(&self.normal[k], i);
+                let (was_at, was_facing) = (lane(&e.was_at, i), lane(&e.was_facing, i));
+                let mut same = (depth < f32::INFINITY)
+                    & (self.id[k][i] == e.id[i])
+                    & (dot(normal, was_facing) >= least_cosine);
+                if reflector {
+                    let difference = (self.roughness[k][i] - e.roughness[i]).abs();
+                    same &= difference <= glossy.reflector_roughness;
+                }
+                let (u, v) = (self.column[k][i] + 0.5 + before.jitter.x, self.row[k][i] + 0.5 + before.jitter.y);
+                let there = world(&before.view, u, v, depth);
+                let offset = [0, 1, 2].map(|c| there[c] - was_at[c]);
+                let z = e.depth[i];
+                let trust = match rejection {
+                    Rejection::Off => 1.0,
+                    Rejection::Plane => {
+                        let of_depth = surface.plane_distance * z;
+                        let of_pixel = surface.pixel_distance * guides.now.view.pixel_size(z);
+                        let begin = if of_pixel > of_depth { of_pixel } else { of_depth };
+                        1.0 - smoothstep(begin, surface.falloff * begin, dot(offset, was_facing).abs())
+                    }
+                    Rejection::Point => {
+                        let begin = surface.point_distance * z;
+                        1.0 - smoothstep(begin, surface.falloff * begin, dot(offset, offset).sqrt())
+                    }
+                };
+                let counts = same & (trust > 0.0);
+                let weight = if counts { self.weight[k][i] } else { 0.0 };
+                found.weight[k][i] = weight;
+                total[i] += weight;
+                trusted[i] += if counts { weight * trust } else { 0.0 };
+            }
+        }
+        for i in 0..LANES {
+            let enough = total[i] >= LEAST_FOOTPRINT;
+            for k in 0..4 {
+                found.weight[k][i] = if enough { found.weight[k][i] / total[i] } else { 0.0 };
+            }
+            found.trust[i] = if enough { trusted[i] / total[i] } else { 0.0 };
+        }
+    }
+}
+
+/// Step 2, glossy: where the mirror images of the lanes were, into `coordinate`; `alive` goes to 0 where that is
+/// unknown or off screen. `hit`: filtered hit distances.
+#[inline(always)]
+pub(crate) fn virtual_coordinates(
+    guides: &CpuGuides,
+    settings: &Settings,
+    e: &Expected,
+    hit: &Lanes,
+    coordinate: &mut [Lanes; 2],
+    alive: &mut [u32; LANES],
+) {
+    let (now, previous) = (&guides.now, &guides.previous_view);
+    let (width, height) = (guides.phases.size.width as f32, guides.phases.size.height as f32);
+    let (guard, furthest) = (settings.surface.guard_band, settings.glossy_temporal.max_hit_distance);
+    let v = e.y as f32 + 0.5 + now.jitter.y;
+    let d = &now.view.direction;
+    for i in 0..LANES {
+        let u = e.x[i] + 0.5 + now.jitter.x;
+        let ray = [0, 1, 2].map(|c| d[0][c] + d[1][c] * u + d[2][c] * v);
+        let scale = 1.0 / dot(ray, ray).sqrt();
+        let ray = ray.map(|r| r * scale);
+        let limit = furthest * e.depth[i];
+        let finite = hit[i] < f32::INFINITY;
+        let distance = if limit < hit[i] { limit } else { hit[i] };
+        let position = lane(&e.position, i);
+        let virtual_point = [0, 1, 2].map(|c| position[c] + ray[c] * distance);
+        let (ax, ay, a_ahead) = pixel(previous, virtual_point);
+        let (bx, by, b_ahead) = pixel_of_direction(previous, ray);
+        let (px, py) = if finite { (ax, ay) } else { (bx, by) };
+        let (cx, cy) = (px - now.jitter.x, py - now.jitter.y);
+        let ahead = if finite { a_ahead } else { b_ahead };
+        coordinate[0][i] = cx;
+        coordinate[1][i] = cy;
+        let on_screen = (cx >= guard) & (cy >= guard) & (cx <= width - guard) & (cy <= height - guard);
+        alive[i] &= u32::from(ahead & on_screen);
+    }
+    for i in 0..e.n {
+        if e.moved[i] != 0 && e.alive[i] != 0 {
+            let place = moved_mirror(guides, &settings.glossy_temporal, e, hit[i], i).filter(|p| {
+                p.x >= guard && p.y >= guard && p.x <= width - guard && p.y <= height - guard
+            });
+            alive[i] = u32::from(place.is_some());
+            [coordinate[0][i], coordinate[1][i]] = place.unwrap_or_default().to_array();
+        }
+    }
+}
+
+/// The reflector moved by itself: the hit point is mirrored in the plane that it had before.
+#[inline(never)]
+fn moved_mirror(guides: &CpuGuides, glossy: &GlossyTemporal, e: &Expected, hit: f32, i: usize) -> Option<Vec2> {
+    let (now, previous) = (&guides.now, &guides.previous_view);
+    let sample = Vec2::new(e.x[i] + 0.5, e.y as f32 + 0.5) + now.jitter;
+    let eye_ray = now.view.ray_direction(sample).normalize();
+    let [position, normal, was_at, was_facing] =
+        [&e.position, &e.normal, &e.was_at, &e.was_facing].map(|v| Vec3::from(lane(v, i)));
+    let reflected = eye_ray - 2.0 * eye_ray.dot(normal) * normal;
+    let before = if hit.is_finite() {
+        let point = position + reflected * hit.min(glossy.max_hit_distance * e.depth[i]);
+        previous.pixel(point - 2.0 * (point - was_at).dot(was_facing) * was_facing)
+    } else {
+        previous.pixel_of_direction(reflected - 2.0 * reflected.dot(was_facing) * was_facing)
+    };
+    before.map(|p| p + -now.jitter).filter(|p| p.is_finite())
+}
+
+/// The glossy hit distances of the lanes after the 3x3 filter over the same reflector.
+#[inline(always)]
+pub(crate) fn filtered_hits(
+    guides: &CpuGuides,
+    filter: HitFilter,
+    e: &Expected,
+    (phase, first): (usize, usize),
+    hits: &mut Lanes,
+) {
+    let (phases, size) = (&guides.phases, guides.phases.size);
+    let row = |y: usize| &guides.glossy_hit[y * size.width..][..size.width];
+    let begin = phases.range(phase).start + first;
+    hits[..e.n].copy_from_slice(&row(e.y)[begin..][..e.n]);
+    let mut values = [[0.0f32; LANES]; 9];
+    let mut counts = [[0u32; LANES]; 9];
+    if filter == HitFilter::Off {
+        return;
+    }
+    for k in 0..9 {
+        let (dx, ty) = (k as i32 % 3 - 1, (e.y + k / 3).wrapping_sub(1));
+        if ty >= size.height {
+            continue;
+        }
+        let Some(span) = phases.shifted(phase, first, e.n, dx) else { continue };
+        let n = span.len;
+        let source = &row(ty)[span.source..][..n];
+        let depth = &field(&guides.now.depth, size.width, 1, ty, 0)[span.source..][..n];
+        let id = &field(&guides.now.id, size.width, 1, ty, 0)[span.source..][..n];
+        let own = &e.id[span.first..][..n];
+        if filter == HitFilter::Min {
+            let hits = &mut hits[span.first..][..n];
+            for i in 0..n {
+                let counts = (depth[i] < f32::INFINITY) & (id[i] == own[i]) & (source[i] < hits[i]);
+                hits[i] = if counts { source[i] } else { hits[i] };
+            }
+        } else {
+            values[k][span.first..][..n].copy_from_slice(source);
+            let counts = &mut counts[k][span.first..][..n];
+            for i in 0..n {
+                counts[i] = u32::from((depth[i] < f32::INFINITY) & (id[i] == own[i]));
+            }
+        }
+    }
+    if filter == HitFilter::Median {
+        for i in 0..e.n {
+            let mut around = [0.0; 9];
+            let mut count = 0;
+            for k in 0..9 {
+                if counts[k][i] != 0 {
+                    around[count] = values[k][i];
+                    count += 1;
+                }
+            }
+            around[..count].sort_unstable_by(f32::total_cmp);
+            hits[i] = around[..count].get(count / 2).copied().unwrap_or(hits[i]);
+        }
+    }
+}

@@ -1,0 +1,80 @@
+//! Stage 6 on runs of pixels: a network of exchanges, without branches.
+
+/// Neighbours of a pixel, itself among them, in reading order.
+pub(crate) const NEIGHBOURS: usize = 9;
+
+/// The exchanges that bring the median of nine to place 4 (Smith's network of 19).
+const EXCHANGES: [(usize, usize); 19] = [
+    (1, 2),
+    (4, 5),
+    (7, 8),
+    (0, 1),
+    (3, 4),
+    (6, 7),
+    (1, 2),
+    (4, 5),
+    (7, 8),
+    (0, 3),
+    (5, 8),
+    (4, 7),
+    (3, 6),
+    (1, 4),
+    (2, 5),
+    (4, 7),
+    (4, 2),
+    (6, 4),
+    (4, 2),
+];
+/// Where the network leaves the median.
+const MIDDLE: usize = 4;
+
+/// The median of nine.
+#[inline(always)]
+pub(crate) fn median(mut v: [f32; NEIGHBOURS]) -> f32 {
+    for (a, b) in EXCHANGES {
+        let (x, y) = (v[a], v[b]);
+        v[a] = if y < x { y } else { x };
+        v[b] = if y < x { x } else { y };
+    }
+    v[MIDDLE]
+}
+
+/// Which of nine is the median; of equal values the first in reading order counts as the least.
+#[inline(always)]
+pub(crate) fn rank(values: [f32; NEIGHBOURS]) -> u32 {
+    let mut key = values.map(ordered);
+    let mut place: [u32; NEIGHBOURS] = [0, 1, 2, 3, 4, 5, 6, 7, 8];
+    for (a, b) in EXCHANGES {
+        let swap = (key[b] < key[a]) | ((key[b] == key[a]) & (place[b] < place[a]));
+        (key[a], key[b]) = if swap { (key[b], key[a]) } else { (key[a], key[b]) };
+        (place[a], place[b]) = if swap { (place[b], place[a]) } else { (place[a], place[b]) };
+    }
+    place[MIDDLE]
+}
+
+/// An integer whose order is the total order of floating-point numbers.
+#[inline(always)]
+fn ordered(v: f32) -> i32 {
+    let bits = v.to_bits() as i32;
+    bits ^ (((bits >> 31) as u32) >> 1) as i32
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_network_finds_the_median() {
+        // The 0-1 principle: a network that works on all sequences of zeros and ones works.
+        for mask in 0..1u32 << NEIGHBOURS {
+            let v: [f32; NEIGHBOURS] = std::array::from_fn(|i| (mask >> i & 1) as f32);
+            let ones = mask.count_ones() as usize;
+            let expected = if ones > NEIGHBOURS / 2 { 1.0 } else { 0.0 };
+            assert_eq!(median(v), expected, "{mask:b}");
+            let mut ranked: Vec<(f32, usize)> = v.iter().copied().zip(0..).collect();
+            ranked.sort_by(|a, b| a.0.total_cmp(&b.0));
+            assert_eq!(rank(v) as usize, ranked[MIDDLE].1, "{mask:b}");
+        }
+        assert!(ordered(-0.0) < ordered(0.0) && ordered(-2.0) < ordered(-1.0) && ordered(1.0) < ordered(2.0));
+    }
+}

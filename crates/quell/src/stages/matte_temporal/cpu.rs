@@ -1,0 +1,112 @@
+//! Stages 3 and 8 once they know where history lies, on runs of pixels: fetch, clamp, blend.
+
+use crate::cpu::layout::{Colours, channel};
+use crate::kernels::clip::ColourBox;
+use crate::kernels::reproject_cpu::{LANES, Lanes, Lanes3, Lookup};
+use crate::kernels::temporal::{Blend, blend, clamp_history};
+use crate::plane::Plane;
+
+/// How much history counts in each lane, and what is remembered of it.
+#[derive(Debug)]
+pub(crate) struct Shares {
+    /// Share of history, 0..1.
+    pub history: Lanes,
+    /// Confidence, 0..1.
+    pub confidence: Lanes,
+    /// New history length, frames.
+    pub length: Lanes,
+}
+
+impl Shares {
+    pub fn new() -> Self {
+        Self { history: [0.0; LANES], confidence: [0.0; LANES], length: [1.0; LANES] }
+    }
+
+    /// Step 7. `depth`: background needs no help, its confidence is 1.
+    #[inline(always)]
+    pub fn weigh(&mut self, weights: &Blend, trust: &Lanes, length: &Lanes, depth: &Lanes) {
+        for i in 0..LANES {
+            let weighed = weights.weigh(trust[i], length[i]);
+            self.history[i] = weighed.history;
+            self.confidence[i] = if depth[i] < f32::INFINITY { weighed.confidence } else { 1.0 };
+            self.length[i] = weighed.length;
+        }
+    }
+}
+
+/// Weighted mean of up to four previous pixels of a scalar in the host's order.
+#[inline(always)]
+pub(crate) fn fetch_scalar(plane: &Plane<f32>, lookup: &Lookup, n: usize, out: &mut Lanes) {
+    let width = plane.size().width;
+    let data = plane.data();
+    *out = [0.0; LANES];
+    for k in 0..4 {
+        for i in 0..n {
+            let weight = lookup.weight[k][i];
+            if weight > 0.0 {
+                let (x, _, y) = lookup.place[k][i];
+                out[i] += weight * data[y as usize * width + x as usize];
+            }
+        }
+    }
+}
+
+/// Weighted mean of up to four previous pixels of a plane.
+#[inline(always)]
+pub(crate) fn fetch(history: &Colours, width: usize, plane: usize, lookup: &Lookup, n: usize, out: &mut Lanes3) {
+    let data = history.elements();
+    let stride = history.stride(width);
+    *out = [[0.0; LANES]; 3];
+    for k in 0..4 {
+        for i in 0..n {
+            let weight = lookup.weight[k][i];
+            if weight > 0.0 {
+                let (_, element, y) = lookup.place[k][i];
+                let at = y as usize * stride + plane * 3 * width + element as usize;
+                for c in 0..3 {
+                    out[c][i] += weight * data[at + c * width];
+                }
+            }
+        }
+    }
+}
+
+/// Loads `n` pixels of a plane.
+#[inline(always)]
+pub(crate) fn load(row: &[f32], width: usize, plane: usize, begin: usize, n: usize, out: &mut Lanes3) {
+    for c in 0..3 {
+        out[c][..n].copy_from_slice(&channel(row, width, plane, c)[begin..][..n]);
+    }
+}
+
+/// The beauty's history held to the boxes.
+#[inline(always)]
+pub(crate) fn clamp(history: &Lanes3, current: &Lanes3, low: &Lanes3, high: &Lanes3, out: &mut Lanes3) {
+    for i in 0..LANES {
+        let at = |v: &Lanes3| [v[0][i], v[1][i], v[2][i]];
+        let clamped = clamp_history(at(history), at(current), &ColourBox { low: at(low), high: at(high) });
+        for c in 0..3 {
+            out[c][i] = clamped[c];
+        }
+    }
+}
+
+/// One plane blended with its history, which follows the beauty's clamp. `beauty`: history before and after the clamp,
+/// and the current value.
+#[inline(always)]
+pub(crate) fn blend_lanes(
+    current: &Lanes3,
+    history: &Lanes3,
+    share: &Lanes,
+    beauty: (&Lanes3, &Lanes3, &Lanes3),
+    out: &mut Lanes3,
+) {
+    for i in 0..LANES {
+        let at = |v: &Lanes3| [v[0][i], v[1][i], v[2][i]];
+        let now = at(current);
+        let blended = blend(now, at(history), share[i], (at(beauty.0), at(beauty.1), at(beauty.2)));
+        for c in 0..3 {
+            out[c][i] = if share[i] > 0.0 { blended[c] } else { now[c] };
+        }
+    }
+}
