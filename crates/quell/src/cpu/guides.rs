@@ -90,8 +90,7 @@ impl CpuGuides {
     pub fn read(&mut self, frame: &Frame<'_>, sanitised: &mut Sanitised) -> Result<(), Error> {
         let (phases, size) = (self.phases, self.phases.size);
         let view = frame.camera.projection(size).ok_or(Error::Camera { which: "camera" })?;
-        let previous_view =
-            frame.previous_camera.projection(size).ok_or(Error::Camera { which: "previous_camera" })?;
+        let previous_view = frame.previous_camera.projection(size).ok_or(Error::Camera { which: "previous_camera" })?;
         std::mem::swap(&mut self.now, &mut self.before);
         let now = &mut self.now;
         now.view = view;

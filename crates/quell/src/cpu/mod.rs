@@ -118,7 +118,7 @@ impl Cpu {
                 }
                 self.read(frame, step.input, sanitised);
                 let later = &plan.steps[i + 1..];
-                times.measure(step.stage, || self.step(step, later, frame.index, settings, &guides, valid));
+                times.measure(step.stage, || self.step(step, frame.index, settings, &guides, valid));
                 times.measure(step.stage, || self.retire(plan, later));
             }
             self.close(plan);
@@ -184,15 +184,7 @@ impl Cpu {
         self.buffers.insert(image, colours);
     }
 
-    fn step(
-        &mut self,
-        step: &Step,
-        later: &[Step],
-        index: i64,
-        settings: &Settings,
-        guides: &CpuGuides,
-        valid: Validity,
-    ) {
+    fn step(&mut self, step: &Step, index: i64, settings: &Settings, guides: &CpuGuides, valid: Validity) {
         let (phases, level) = (self.phases, self.level);
         let pixels = phases.size.pixels();
         // The plan guarantees it; a mistake in it shows as a missing output, not as a panic.
@@ -212,7 +204,13 @@ impl Cpu {
                     Some(colours) => {
                         let filter = temporal::Filter { level, guides, settings, signal };
                         let remembered = temporal::Remembered { colours, length: length_before };
-                        temporal::run(&filter, &input, remembered, &mut output, temporal::Memory { confidence, length });
+                        temporal::run(
+                            &filter,
+                            &input,
+                            remembered,
+                            &mut output,
+                            temporal::Memory { confidence, length },
+                        );
                     }
                     None => {
                         temporal::begin(guides, temporal::Memory { confidence, length });
@@ -237,8 +235,7 @@ impl Cpu {
             Stage::Disocclusion => self.disocclusion(step, settings, &input, &mut output),
             Stage::Firefly => firefly::run(level, guides, settings.firefly.median, &input, &mut output),
             Stage::GlossyHorizontal | Stage::GlossyVertical => {
-                let axis =
-                    if step.stage == Stage::GlossyHorizontal { Axis::Horizontal } else { Axis::Vertical };
+                let axis = if step.stage == Stage::GlossyHorizontal { Axis::Horizontal } else { Axis::Vertical };
                 let filter = glossy_bilateral::Filter { level, guides, settings, axis };
                 glossy_bilateral::run(&filter, &input, &mut output);
             }
@@ -256,11 +253,7 @@ impl Cpu {
             }
             Stage::Composite => {}
         }
-        if later.iter().any(|s| reads(s, step.input)) {
-            self.buffers.insert(step.input, input);
-        } else {
-            self.buffers.give(input);
-        }
+        self.buffers.insert(step.input, input);
         self.buffers.insert(step.output, output);
     }
 

@@ -1,7 +1,7 @@
 //! The colour clamp of stages 3, 8 and 11: history is held to what the current signal shows nearby, per channel in
 //! YCoCg.
 
-use super::math::{rgb_from_ycocg, ycocg_from_rgb};
+use super::math::{rgb_from_ycocg, three, ycocg_from_rgb};
 use crate::frame::Rgb;
 use crate::settings::Clip;
 
@@ -52,8 +52,8 @@ impl ColourBox {
         if inside {
             return rgb; // not even rounding may change what needs no clamp
         }
-        let clamped = rgb_from_ycocg([0, 1, 2].map(|k| c[k].max(self.low[k]).min(self.high[k])));
-        [0, 1, 2].map(|k| if clamped[k] < 0.0 && rgb[k] >= 0.0 { 0.0 } else { clamped[k] })
+        let clamped = rgb_from_ycocg(three(|k| c[k].max(self.low[k]).min(self.high[k])));
+        three(|k| if clamped[k] < 0.0 && rgb[k] >= 0.0 { 0.0 } else { clamped[k] })
     }
 }
 

@@ -1,7 +1,7 @@
 //! Boxes for the colour clamp (`clip.rs`) of a run of pixels: least and greatest value down columns first, then along
 //! rows.
 
-use super::math::ycocg_from_rgb;
+use super::math::{three, ycocg_from_rgb};
 use super::reproject_cpu::{LANES, Lanes3};
 use crate::cpu::layout::{Colours, Phases, channel};
 use crate::kernels::spiral::PERIOD;
@@ -18,10 +18,7 @@ pub(crate) struct Columns {
 
 impl Columns {
     pub fn new() -> Self {
-        Self {
-            low: [[[f32::INFINITY; PADDED]; 3]; PERIOD],
-            high: [[[f32::NEG_INFINITY; PADDED]; 3]; PERIOD],
-        }
+        Self { low: [[[f32::INFINITY; PADDED]; 3]; PERIOD], high: [[[f32::NEG_INFINITY; PADDED]; 3]; PERIOD] }
     }
 
     /// Of the pixels `first..first + LANES` of each phase, rows within `radius` of `y`. `depth`: only surfaces count;
@@ -49,7 +46,7 @@ impl Columns {
             let at = phases.range(phase).start + begin;
             for ty in y.saturating_sub(radius)..(y + radius + 1).min(height) {
                 let row = current.row(width, ty);
-                let [r, g, b] = [0, 1, 2].map(|c| &channel(row, width, 0, c)[at..][..n]);
+                let [r, g, b] = three(|c| &channel(row, width, 0, c)[at..][..n]);
                 let depth = depth.map(|d| &d[ty * width + at..][..n]);
                 let [l0, l1, l2] = &mut *low;
                 let [h0, h1, h2] = &mut *high;

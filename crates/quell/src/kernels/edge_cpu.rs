@@ -6,6 +6,7 @@
 //! tangent plane is dX.n_p / (n_p.v_q). No world position is needed, and nothing cancels.
 
 use super::edge::{COINCIDENT_PX, GLOSS_SCALE};
+use super::math::three;
 use crate::camera::Projection;
 use crate::settings::Edge;
 use glam::Vec3;
@@ -30,12 +31,7 @@ pub(crate) struct Gains {
 impl Gains {
     /// For stages 4 and 7.
     pub fn matte(edge: &Edge) -> Self {
-        Self {
-            depth: edge.depth,
-            normal: edge.normal,
-            plane: 2.0 * edge.plane,
-            gloss: GLOSS_SCALE * edge.matte_gloss,
-        }
+        Self { depth: edge.depth, normal: edge.normal, plane: 2.0 * edge.plane, gloss: GLOSS_SCALE * edge.matte_gloss }
     }
 
     /// For stages 9 and 10.
@@ -172,14 +168,15 @@ pub(crate) fn weights<const PERSPECTIVE: bool, const GLOSS: bool>(
 ) {
     let n = out.len();
     // Slices of one known length: no bounds check is left in the loop, which is what lets it become vectors.
+    #[inline(always)]
     fn lanes<T>(run: &[T; RUN], first: usize, n: usize) -> &[T] {
         &run[first..][..n]
     }
     let (p_depth, p_inverse_depth) = (lanes(&centres.depth, first, n), lanes(&centres.inverse_depth, first, n));
-    let [p_nx, p_ny, p_nz] = [0, 1, 2].map(|c| lanes(&centres.normal[c], first, n));
-    let [p_rx, p_ry, p_rz] = [0, 1, 2].map(|c| lanes(&centres.ray[c], first, n));
+    let [p_nx, p_ny, p_nz] = three(|c| lanes(&centres.normal[c], first, n));
+    let [p_rx, p_ry, p_rz] = three(|c| lanes(&centres.ray[c], first, n));
     let p_facing = lanes(&centres.facing, first, n);
-    let [p_ax, p_ay] = [0, 1].map(|c| lanes(&centres.along[c], first, n));
+    let (p_ax, p_ay) = (lanes(&centres.along[0], first, n), lanes(&centres.along[1], first, n));
     let (p_coincident, p_id) = (lanes(&centres.coincident, first, n), lanes(&centres.id, first, n));
     let p_roughness = lanes(&centres.roughness, first, n);
     let (q_depth, q_id, q_roughness) = (&q.depth[..n], &q.id[..n], &q.roughness[..n]);

@@ -8,6 +8,13 @@ pub fn luminance(c: Rgb) -> f32 {
     0.2126 * c[0] + 0.7152 * c[1] + 0.0722 * c[2]
 }
 
+/// A value for each of three channels or axes. Unlike `array::map` it is always inlined: in vectorised code a call would
+/// lose the instruction set.
+#[inline(always)]
+pub fn three<T>(f: impl Fn(usize) -> T) -> [T; 3] {
+    [f(0), f(1), f(2)]
+}
+
 /// Hermite step: 0 up to `low`, 1 from `high` on.
 #[inline(always)]
 pub fn smoothstep(low: f32, high: f32, x: f32) -> f32 {

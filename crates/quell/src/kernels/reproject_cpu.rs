@@ -1,7 +1,7 @@
 //! Reprojection (`reproject.rs`) on runs of pixels: arithmetic lane by lane, in the reference's order of operations, so
 //! that both find the same places to the bit. Previous pixels lie anywhere: they are collected one by one.
 
-use super::math::smoothstep;
+use super::math::{smoothstep, three};
 use crate::camera::Projection;
 use crate::cpu::guides::{CpuGuides, Surfaces, field};
 use crate::settings::{GlossyTemporal, HitFilter, Rejection, Settings, Surface as SurfaceSettings};
@@ -150,7 +150,7 @@ impl Expected {
             return;
         };
         let anchor = before.view.world(crate::border::sample_position(x, y, before.jitter), before.depth[e]);
-        let position = Vec3::from([0, 1, 2].map(|c| self.position[c][i]));
+        let position = Vec3::from(three(|c| self.position[c][i]));
         let previous = &guides.previous_view;
         let travelled = (previous.view_depth(anchor) - previous.view_depth(position)).abs();
         if travelled > settings.moving_depth * self.depth[i] {
@@ -168,20 +168,20 @@ impl Expected {
 
 #[inline(always)]
 fn normal_at(surfaces: &Surfaces, width: usize, y: usize, element: usize) -> [f32; 3] {
-    [0, 1, 2].map(|c| surfaces.normal[(3 * y + c) * width + element])
+    three(|c| surfaces.normal[(3 * y + c) * width + element])
 }
 
 /// [`Projection::world`].
 #[inline(always)]
 fn world(view: &Projection, u: f32, v: f32, depth: f32) -> [f32; 3] {
     let axis = |a: &[Vec3; 3], c: usize| a[0][c] + a[1][c] * u + a[2][c] * v;
-    [0, 1, 2].map(|c| axis(&view.origin, c) + axis(&view.direction, c) * depth)
+    three(|c| axis(&view.origin, c) + axis(&view.direction, c) * depth)
 }
 
 /// [`Projection::pixel`]; false: behind the eye.
 #[inline(always)]
 fn pixel(view: &Projection, world: [f32; 3]) -> (f32, f32, bool) {
-    let p = world.map(f64::from);
+    let p = [f64::from(world[0]), f64::from(world[1]), f64::from(world[2])];
     let row = |r: &(glam::DVec3, f64)| r.0.x * p[0] + r.0.y * p[1] + r.0.z * p[2] + r.1;
     divide(row(&view.u), row(&view.v), row(&view.w))
 }
@@ -189,7 +189,7 @@ fn pixel(view: &Projection, world: [f32; 3]) -> (f32, f32, bool) {
 /// [`Projection::pixel_of_direction`]; false: behind the eye.
 #[inline(always)]
 fn pixel_of_direction(view: &Projection, direction: [f32; 3]) -> (f32, f32, bool) {
-    let p = direction.map(f64::from);
+    let p = [f64::from(direction[0]), f64::from(direction[1]), f64::from(direction[2])];
     let row = |r: &(glam::DVec3, f64)| r.0.x * p[0] + r.0.y * p[1] + r.0.z * p[2];
     divide(row(&view.u), row(&view.v), row(&view.w))
 }
@@ -321,16 +321,15 @@ impl Footprint {
                 let depth = self.depth[k][i];
                 let normal = lane(&self.normal[k], i);
                 let (was_at, was_facing) = (lane(&e.was_at, i), lane(&e.was_facing, i));
-                let mut same = (depth < f32::INFINITY)
-                    & (self.id[k][i] == e.id[i])
-                    & (dot(normal, was_facing) >= least_cosine);
+                let mut same =
+                    (depth < f32::INFINITY) & (self.id[k][i] == e.id[i]) & (dot(normal, was_facing) >= least_cosine);
                 if reflector {
                     let difference = (self.roughness[k][i] - e.roughness[i]).abs();
                     same &= difference <= glossy.reflector_roughness;
                 }
                 let (u, v) = (self.column[k][i] + 0.5 + before.jitter.x, self.row[k][i] + 0.5 + before.jitter.y);
                 let there = world(&before.view, u, v, depth);
-                let offset = [0, 1, 2].map(|c| there[c] - was_at[c]);
+                let offset = three(|c| there[c] - was_at[c]);
                 let z = e.depth[i];
                 let trust = match rejection {
                     Rejection::Off => 1.0,
@@ -380,14 +379,14 @@ pub(crate) fn virtual_coordinates(
     let d = &now.view.direction;
     for i in 0..LANES {
         let u = e.x[i] + 0.5 + now.jitter.x;
-        let ray = [0, 1, 2].map(|c| d[0][c] + d[1][c] * u + d[2][c] * v);
+        let ray = three(|c| d[0][c] + d[1][c] * u + d[2][c] * v);
         let scale = 1.0 / dot(ray, ray).sqrt();
-        let ray = ray.map(|r| r * scale);
+        let ray = three(|c| ray[c] * scale);
         let limit = furthest * e.depth[i];
         let finite = hit[i] < f32::INFINITY;
         let distance = if limit < hit[i] { limit } else { hit[i] };
         let position = lane(&e.position, i);
-        let virtual_point = [0, 1, 2].map(|c| position[c] + ray[c] * distance);
+        let virtual_point = three(|c| position[c] + ray[c] * distance);
         let (ax, ay, a_ahead) = pixel(previous, virtual_point);
         let (bx, by, b_ahead) = pixel_of_direction(previous, ray);
         let (px, py) = if finite { (ax, ay) } else { (bx, by) };
@@ -400,9 +399,8 @@ pub(crate) fn virtual_coordinates(
     }
     for i in 0..e.n {
         if e.moved[i] != 0 && e.alive[i] != 0 {
-            let place = moved_mirror(guides, &settings.glossy_temporal, e, hit[i], i).filter(|p| {
-                p.x >= guard && p.y >= guard && p.x <= width - guard && p.y <= height - guard
-            });
+            let place = moved_mirror(guides, &settings.glossy_temporal, e, hit[i], i)
+                .filter(|p| p.x >= guard && p.y >= guard && p.x <= width - guard && p.y <= height - guard);
             alive[i] = u32::from(place.is_some());
             [coordinate[0][i], coordinate[1][i]] = place.unwrap_or_default().to_array();
         }

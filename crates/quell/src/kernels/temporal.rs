@@ -1,6 +1,7 @@
 //! What stages 3 and 8 share once they know where history lies: fetch, clamp, blend.
 
 use super::clip::{ColourBox, follow, shareable};
+use super::math::three;
 use super::reproject::Lookup;
 use crate::border::Guides;
 use crate::frame::Rgb;
@@ -121,7 +122,7 @@ pub fn fetch_scalar(history: &Plane<f32>, lookup: &Lookup) -> f32 {
 #[inline(always)]
 pub fn blend(current: Rgb, history: Rgb, share: f32, beauty: (Rgb, Rgb, Rgb)) -> Rgb {
     let (unclamped, clamped, now) = beauty;
-    [0, 1, 2].map(|c| {
+    three(|c| {
         let held = follow(history[c], unclamped[c], clamped[c], current[c], now[c]);
         share * held + (1.0 - share) * current[c]
     })
@@ -131,5 +132,5 @@ pub fn blend(current: Rgb, history: Rgb, share: f32, beauty: (Rgb, Rgb, Rgb)) ->
 #[inline(always)]
 pub fn clamp_history(history: Rgb, current: Rgb, bounds: &ColourBox) -> Rgb {
     let clamped = bounds.clamp(history);
-    [0, 1, 2].map(|c| shareable(history[c], clamped[c], current[c]))
+    three(|c| shareable(history[c], clamped[c], current[c]))
 }

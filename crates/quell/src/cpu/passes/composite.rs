@@ -56,8 +56,7 @@ pub(crate) fn run(
             }
         });
     });
-    let names =
-        [PlaneName::MatteWeight, PlaneName::GlossyWeight, PlaneName::DirectMatte, PlaneName::DirectGlossy];
+    let names = [PlaneName::MatteWeight, PlaneName::GlossyWeight, PlaneName::DirectMatte, PlaneName::DirectGlossy];
     for (name, tally) in names.into_iter().zip(&tallies) {
         sanitised.add(name, tally);
     }

@@ -96,7 +96,8 @@ fn nearest_motion(
         let Some(span) = phases.shifted(phase, first, n, dx) else { continue };
         let n = span.len;
         let depth = &field(&guides.now.depth, width, 1, ty, 0)[span.source..][..n];
-        let [sx, sy] = [0, 1].map(|c| &field(&guides.motion, width, 2, ty, c)[span.source..][..n]);
+        let sx = &field(&guides.motion, width, 2, ty, 0)[span.source..][..n];
+        let sy = &field(&guides.motion, width, 2, ty, 1)[span.source..][..n];
         let nearest = &mut nearest[span.first..][..n];
         let (mx, my) = (&mut mx[span.first..][..n], &mut my[span.first..][..n]);
         for i in 0..n {

@@ -27,6 +27,12 @@ pub(crate) fn run(level: Level, guides: &CpuGuides, kind: Median, input: &Colour
     });
 }
 
+/// One lane of nine runs.
+#[inline(always)]
+fn lane(v: &[Run; NEIGHBOURS], i: usize) -> [f32; NEIGHBOURS] {
+    [v[0][i], v[1][i], v[2][i], v[3][i], v[4][i], v[5][i], v[6][i], v[7][i], v[8][i]]
+}
+
 /// Where the neighbours of a run lie, and which of them are surfaces.
 struct Around {
     y: usize,
@@ -94,7 +100,7 @@ fn values(guides: &CpuGuides, phases: &Phases, input: &Colours, y: usize, out: &
                 around.load(phases, input, 0, c, &mut v);
                 let mut result = [0.0; RUN];
                 for i in 0..RUN {
-                    result[i] = median([0, 1, 2, 3, 4, 5, 6, 7, 8].map(|k| v[k][i]));
+                    result[i] = median(lane(&v, i));
                 }
                 out[c * width + phases.range(phase).start + first..][..n].copy_from_slice(&result[..n]);
             }
@@ -116,7 +122,7 @@ fn choices(guides: &CpuGuides, phases: &Phases, kind: Median, input: &Colours, y
                     for c in 0..3 {
                         around.load(phases, input, 0, c, &mut v);
                         for i in 0..RUN {
-                            chosen[c][i] = rank([0, 1, 2, 3, 4, 5, 6, 7, 8].map(|k| v[k][i]));
+                            chosen[c][i] = rank(lane(&v, i));
                         }
                     }
                 }
@@ -131,7 +137,7 @@ fn choices(guides: &CpuGuides, phases: &Phases, kind: Median, input: &Colours, y
                         }
                     }
                     for i in 0..RUN {
-                        chosen[0][i] = rank([0, 1, 2, 3, 4, 5, 6, 7, 8].map(|k| v[k][i]));
+                        chosen[0][i] = rank(lane(&v, i));
                     }
                     chosen = [chosen[0]; 3];
                 }

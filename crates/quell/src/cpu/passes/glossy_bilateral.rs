@@ -58,11 +58,7 @@ fn row<const PERSPECTIVE: bool, const GLOSS: bool>(
         for first in (0..count).step_by(RUN) {
             let n = RUN.min(count - first);
             let p = guide_run(guides, y, begin + first, n);
-            let hit = if guides.has_glossy_hit() {
-                &guides.glossy_hit[y * width..][begin + first..][..n]
-            } else {
-                &[]
-            };
+            let hit = if guides.has_glossy_hit() { &guides.glossy_hit[y * width..][begin + first..][..n] } else { &[] };
             let mut radius: Run = [0.0; RUN];
             let camera = (view.focal_px, view.perspective);
             let planes = (p.depth, p.roughness, hit);

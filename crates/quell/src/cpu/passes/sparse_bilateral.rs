@@ -4,6 +4,7 @@ use crate::cpu::guides::{CpuGuides, field};
 use crate::cpu::layout::{Colours, Phases, Span, channel};
 use crate::cpu::rows;
 use crate::kernels::edge_cpu::{Centres, Gains, GuideRun, RUN, Tap, weights};
+use crate::kernels::math::three;
 use crate::kernels::spiral::{PERIOD, Spiral, SpiralShape, land};
 use crate::settings::OffScreen;
 use crate::stages::matte_prefilter::cpu::{MOST_TAPS, Weights, admit, finish, gather};
@@ -42,7 +43,7 @@ pub(crate) fn guide_run(guides: &CpuGuides, y: usize, first: usize, len: usize) 
     let now = &guides.now;
     GuideRun {
         depth: &field(&now.depth, width, 1, y, 0)[first..][..len],
-        normal: [0, 1, 2].map(|c| &field(&now.normal, width, 3, y, c)[first..][..len]),
+        normal: three(|c| &field(&now.normal, width, 3, y, c)[first..][..len]),
         roughness: &field(&now.roughness, width, 1, y, 0)[first..][..len],
         id: &field(&now.id, width, 1, y, 0)[first..][..len],
     }

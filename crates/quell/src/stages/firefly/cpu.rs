@@ -42,7 +42,10 @@ pub(crate) fn median(mut v: [f32; NEIGHBOURS]) -> f32 {
 /// Which of nine is the median; of equal values the first in reading order counts as the least.
 #[inline(always)]
 pub(crate) fn rank(values: [f32; NEIGHBOURS]) -> u32 {
-    let mut key = values.map(ordered);
+    let mut key = [0; NEIGHBOURS];
+    for k in 0..NEIGHBOURS {
+        key[k] = ordered(values[k]);
+    }
     let mut place: [u32; NEIGHBOURS] = [0, 1, 2, 3, 4, 5, 6, 7, 8];
     for (a, b) in EXCHANGES {
         let swap = (key[b] < key[a]) | ((key[b] == key[a]) & (place[b] < place[a]));

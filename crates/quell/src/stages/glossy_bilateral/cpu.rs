@@ -67,12 +67,7 @@ pub(crate) fn gaussian(offset: f32, exponent: &Run, radius: &Run) -> Run {
 /// From edge weights to weights, and their sum. `ceiling`: the least edge weight so far on the way outwards, where
 /// weights may only fall.
 #[inline(always)]
-pub(crate) fn admit(
-    gaussian: &[f32],
-    ceiling: Option<&mut [f32]>,
-    weights: &mut [f32],
-    total: &mut [f32],
-) {
+pub(crate) fn admit(gaussian: &[f32], ceiling: Option<&mut [f32]>, weights: &mut [f32], total: &mut [f32]) {
     let n = weights.len();
     if let Some(ceiling) = ceiling {
         for (w, ceiling) in weights.iter_mut().zip(ceiling) {

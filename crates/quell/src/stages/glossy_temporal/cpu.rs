@@ -1,9 +1,7 @@
 //! Stage 8 on runs of pixels: where the mirror image was, among what still shows the same reflector.
 
 use crate::cpu::guides::CpuGuides;
-use crate::kernels::reproject_cpu::{
-    Expected, Footprint, LANES, Lookup, filtered_hits, virtual_coordinates,
-};
+use crate::kernels::reproject_cpu::{Expected, Footprint, LANES, Lookup, filtered_hits, virtual_coordinates};
 use crate::settings::Settings;
 
 /// From the lookup at the surface's place to that at the mirror image's.
