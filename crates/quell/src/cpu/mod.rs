@@ -13,7 +13,7 @@ mod rows;
 use crate::border::{PlaneName, Sanitised};
 use crate::error::Error;
 use crate::frame::{Frame, Rgb, Signal};
-use crate::history::{Validity, passes_of};
+use crate::history::Validity;
 use crate::kernels::edge_cpu::Gains;
 use crate::kernels::spiral::{Spiral, SpiralShape};
 use crate::pipeline::{Image, Plan, Stage, Step};
@@ -66,6 +66,8 @@ pub struct Cpu {
     /// Matte, glossy, direct, composite.
     shown: [Shown; 4],
     spiral: Spiral,
+    /// Radii of the glossy kernel, from stage 9 to stage 10.
+    radius: Option<Colours>,
 }
 
 /// Places in `Cpu::shown` after those of the signals.
@@ -92,6 +94,7 @@ impl Cpu {
             direct_history: None,
             shown: Default::default(),
             spiral: Spiral::empty(),
+            radius: None,
         }
     }
 
@@ -148,7 +151,7 @@ impl Cpu {
         }
         self.buffers.clear();
         self.accumulated = [false; 2];
-        let planes = Signal::ALL.map(|s| 1 + passes_of(frame, s));
+        let planes = Signal::ALL.map(|s| 1 + frame.passes.iter().filter(|p| p.signal == s).count());
         if planes != self.planes {
             self.planes = planes;
             let pixels = self.phases.size.pixels();
@@ -236,8 +239,23 @@ impl Cpu {
             Stage::Firefly => firefly::run(level, guides, settings.firefly.median, &input, &mut output),
             Stage::GlossyHorizontal | Stage::GlossyVertical => {
                 let axis = if step.stage == Stage::GlossyHorizontal { Axis::Horizontal } else { Axis::Vertical };
-                let filter = glossy_bilateral::Filter { level, guides, settings, axis };
+                let stage = &settings.glossy_bilateral;
+                let mut scratch = match self.radius.take() {
+                    Some(radius) => radius,
+                    None => {
+                        let mut scratch = self.buffers.take(pixels, 1);
+                        let (radius, rest) = scratch.elements_mut().split_at_mut(pixels);
+                        glossy_bilateral::radius(level, guides, stage, radius, &mut rest[..pixels]);
+                        scratch
+                    }
+                };
+                let radius = &scratch.elements_mut()[..pixels];
+                let filter = glossy_bilateral::Filter { level, guides, settings, axis, radius };
                 glossy_bilateral::run(&filter, &input, &mut output);
+                match axis {
+                    Axis::Horizontal => self.radius = Some(scratch),
+                    Axis::Vertical => self.buffers.give(scratch),
+                }
             }
             Stage::DirectTaa => {
                 let history = self.direct_history.take();
@@ -290,11 +308,10 @@ impl Cpu {
                 continue;
             }
             let Some(colours) = self.buffers.remove(image) else { continue };
-            if let Some(place) = outputs.iter().position(|o| *o == image) {
-                if self.shown[place].image.is_none() {
-                    self.buffers.show(&self.phases, &colours, &mut self.shown[place].planes);
-                    self.shown[place].image = Some(image);
-                }
+            let unshown = outputs.iter().position(|o| *o == image).filter(|p| self.shown[*p].image.is_none());
+            if let Some(place) = unshown {
+                self.buffers.show(&self.phases, &colours, &mut self.shown[place].planes);
+                self.shown[place].image = Some(image);
             }
             if feedback.contains(&Some(image)) || direct_feedback {
                 self.buffers.insert(image, colours);

@@ -4,7 +4,7 @@
 use super::math::{smoothstep, three};
 use crate::camera::Projection;
 use crate::cpu::guides::{CpuGuides, Surfaces, field};
-use crate::settings::{GlossyTemporal, HitFilter, Rejection, Settings, Surface as SurfaceSettings};
+use crate::settings::{HitFilter, Rejection, Settings, Surface as SurfaceSettings};
 use glam::{Vec2, Vec3};
 
 /// Pixels that are looked up together.
@@ -104,7 +104,7 @@ impl Expected {
             let (cx, cy) = (column + mx, row + my);
             let on_screen = (cx >= guard) & (cy >= guard) & (cx <= right) & (cy <= bottom);
             let alive = (z < f32::INFINITY) & !mx.is_nan() & !my.is_nan() & on_screen;
-            let (px, py, ahead) = pixel(previous, position);
+            let (px, py, ahead) = pixel(previous, position, 1.0);
             let (ex, ey) = (px - u - mx, py - v - my);
             let moved = !ahead | ((ex * ex + ey * ey).sqrt() > settings.static_motion);
             for c in 0..3 {
@@ -178,25 +178,15 @@ fn world(view: &Projection, u: f32, v: f32, depth: f32) -> [f32; 3] {
     three(|c| axis(&view.origin, c) + axis(&view.direction, c) * depth)
 }
 
-/// [`Projection::pixel`]; false: behind the eye.
+/// [`Projection::pixel`] of a point (`w` = 1), [`Projection::pixel_of_direction`] (`w` = 0); false: behind the eye.
 #[inline(always)]
-fn pixel(view: &Projection, world: [f32; 3]) -> (f32, f32, bool) {
-    let p = [f64::from(world[0]), f64::from(world[1]), f64::from(world[2])];
-    let row = |r: &(glam::DVec3, f64)| r.0.x * p[0] + r.0.y * p[1] + r.0.z * p[2] + r.1;
-    divide(row(&view.u), row(&view.v), row(&view.w))
-}
-
-/// [`Projection::pixel_of_direction`]; false: behind the eye.
-#[inline(always)]
-fn pixel_of_direction(view: &Projection, direction: [f32; 3]) -> (f32, f32, bool) {
-    let p = [f64::from(direction[0]), f64::from(direction[1]), f64::from(direction[2])];
-    let row = |r: &(glam::DVec3, f64)| r.0.x * p[0] + r.0.y * p[1] + r.0.z * p[2];
-    divide(row(&view.u), row(&view.v), row(&view.w))
-}
-
-#[inline(always)]
-fn divide(u: f64, v: f64, w: f64) -> (f32, f32, bool) {
-    ((u / w) as f32, (v / w) as f32, w > 0.0)
+fn pixel(view: &Projection, point: [f32; 3], w: f64) -> (f32, f32, bool) {
+    let (x, y, z) = (f64::from(point[0]), f64::from(point[1]), f64::from(point[2]));
+    let (ru, rv, rw) = (&view.u, &view.v, &view.w);
+    let pu = ru.0.x * x + ru.0.y * y + ru.0.z * z + ru.1 * w;
+    let pv = rv.0.x * x + rv.0.y * y + rv.0.z * z + rv.1 * w;
+    let pw = rw.0.x * x + rw.0.y * y + rw.0.z * z + rw.1 * w;
+    ((pu / pw) as f32, (pv / pw) as f32, pw > 0.0)
 }
 
 #[inline(always)]
@@ -209,14 +199,29 @@ fn lane(v: &Lanes3, i: usize) -> [f32; 3] {
     [v[0][i], v[1][i], v[2][i]]
 }
 
+/// Where a pixel of the previous image is stored.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Place {
+    /// Column in images in the host's order.
+    pub column: [u32; LANES],
+    /// Element of a row in phase order.
+    pub element: [u32; LANES],
+    pub row: [u32; LANES],
+}
+
+impl Default for Place {
+    fn default() -> Self {
+        Self { column: [0; LANES], element: [0; LANES], row: [0; LANES] }
+    }
+}
+
 /// The four pixels of each lane's footprint: where they are and what they show.
 #[derive(Debug)]
 pub(crate) struct Footprint {
     weight: [Lanes; 4],
     column: [Lanes; 4],
     row: [Lanes; 4],
-    /// Column in images in the host's order, element of a row in phase order, and row.
-    place: [[(u32, u32, u32); LANES]; 4],
+    place: [Place; 4],
     depth: [Lanes; 4],
     normal: [Lanes3; 4],
     roughness: [Lanes; 4],
@@ -227,8 +232,7 @@ pub(crate) struct Footprint {
 /// trusted.
 #[derive(Debug)]
 pub(crate) struct Lookup {
-    /// Column in images in the host's order, element of a row in phase order, and row.
-    pub place: [[(u32, u32, u32); LANES]; 4],
+    pub place: [Place; 4],
     /// Weights; 0 for pixels that show something else.
     pub weight: [Lanes; 4],
     /// rho, 0..1; 0: there is no history.
@@ -237,7 +241,7 @@ pub(crate) struct Lookup {
 
 impl Lookup {
     pub fn new() -> Self {
-        Self { place: [[(0, 0, 0); LANES]; 4], weight: [[0.0; LANES]; 4], trust: [0.0; LANES] }
+        Self { place: [Place::default(); 4], weight: [[0.0; LANES]; 4], trust: [0.0; LANES] }
     }
 }
 
@@ -247,7 +251,7 @@ impl Footprint {
             weight: [[0.0; LANES]; 4],
             column: [[0.0; LANES]; 4],
             row: [[0.0; LANES]; 4],
-            place: [[(0, 0, 0); LANES]; 4],
+            place: [Place::default(); 4],
             depth: [[f32::INFINITY; LANES]; 4],
             normal: [[[0.0; LANES]; 3]; 4],
             roughness: [[0.0; LANES]; 4],
@@ -287,7 +291,9 @@ impl Footprint {
                 let (x, y) = (x as usize, y as usize);
                 let element = guides.phases.element(x);
                 let index = y * size.width + element;
-                self.place[k][i] = (x as u32, element as u32, y as u32);
+                self.place[k].column[i] = x as u32;
+                self.place[k].element[i] = element as u32;
+                self.place[k].row[i] = y as u32;
                 self.depth[k][i] = before.depth[index];
                 self.id[k][i] = before.id[index];
                 let normal = normal_at(before, size.width, y, element);
@@ -361,6 +367,57 @@ impl Footprint {
     }
 }
 
+/// Normals that differ by less (length of the difference) are the same up to rounding.
+const SAME_NORMAL: f32 = 1e-5;
+/// Planes apart by less, in sizes of a pixel, are the same up to rounding.
+const SAME_PLANE_PX: f32 = 0.01;
+
+/// The reflectors as the four pixels at their old places show them, where `alive`: `visible` is the lookup of
+/// `footprint`. Reflectors at rest stay as they are, the others become the mean of the four.
+#[inline(always)]
+pub(crate) fn previous_reflectors(
+    guides: &CpuGuides,
+    footprint: &Footprint,
+    visible: &Lookup,
+    alive: &[u32; LANES],
+    e: &mut Expected,
+) {
+    let before = &guides.before;
+    for i in 0..LANES {
+        let (mut position, mut normal) = ([0.0; 3], [0.0; 3]);
+        for k in 0..4 {
+            let weight = visible.weight[k][i];
+            let (u, v) = (footprint.column[k][i] + 0.5 + before.jitter.x, footprint.row[k][i] + 0.5 + before.jitter.y);
+            let there = world(&before.view, u, v, footprint.depth[k][i]);
+            for c in 0..3 {
+                position[c] = if weight > 0.0 { position[c] + weight * there[c] } else { position[c] };
+                normal[c] = if weight > 0.0 { normal[c] + weight * footprint.normal[k][c][i] } else { normal[c] };
+            }
+        }
+        let scale = 1.0 / dot(normal, normal).sqrt();
+        let known = (scale > 0.0) & (scale < f32::INFINITY);
+        let normal = three(|c| if known { normal[c] * scale } else { 0.0 });
+        let distance = |n: [f32; 3]| {
+            let d = three(|c| n[c] - normal[c]);
+            dot(d, d).sqrt()
+        };
+        let mut spread = 0.0;
+        for k in 0..4 {
+            let d = distance(lane(&footprint.normal[k], i));
+            spread = if (visible.weight[k][i] > 0.0) & (d > spread) { d } else { spread };
+        }
+        let turned = distance(lane(&e.normal, i)) > spread + SAME_NORMAL;
+        let offset = three(|c| e.position[c][i] - position[c]);
+        let shifted = dot(offset, normal).abs() > SAME_PLANE_PX * guides.now.view.pixel_size(e.depth[i]);
+        let moved = (e.moved[i] != 0) | turned | shifted;
+        e.moved[i] = u32::from(moved) & alive[i];
+        for c in 0..3 {
+            e.was_at[c][i] = if moved { position[c] } else { e.was_at[c][i] };
+            e.was_facing[c][i] = if moved { normal[c] } else { e.was_facing[c][i] };
+        }
+    }
+}
+
 /// Step 2, glossy: where the mirror images of the lanes were, into `coordinate`; `alive` goes to 0 where that is
 /// unknown or off screen. `hit`: filtered hit distances.
 #[inline(always)]
@@ -385,44 +442,25 @@ pub(crate) fn virtual_coordinates(
         let limit = furthest * e.depth[i];
         let finite = hit[i] < f32::INFINITY;
         let distance = if limit < hit[i] { limit } else { hit[i] };
-        let position = lane(&e.position, i);
-        let virtual_point = three(|c| position[c] + ray[c] * distance);
-        let (ax, ay, a_ahead) = pixel(previous, virtual_point);
-        let (bx, by, b_ahead) = pixel_of_direction(previous, ray);
-        let (px, py) = if finite { (ax, ay) } else { (bx, by) };
+        let (position, normal) = (lane(&e.position, i), lane(&e.normal, i));
+        // At rest: the image of a plane mirror lies behind it, on the eye ray. Else mirrored in the plane of then.
+        let moved = e.moved[i] != 0;
+        let (was_at, was_facing) = (lane(&e.was_at, i), lane(&e.was_facing, i));
+        let twice = 2.0 * dot(ray, normal);
+        let reflected = three(|c| ray[c] - twice * normal[c]);
+        let direction = three(|c| if moved { reflected[c] } else { ray[c] });
+        let point = three(|c| position[c] + direction[c] * distance);
+        let from_plane = three(|c| if finite { point[c] - was_at[c] } else { direction[c] });
+        let twice = 2.0 * dot(from_plane, was_facing);
+        let unmirrored = three(|c| if finite { point[c] } else { direction[c] });
+        let mirrored = three(|c| if moved { unmirrored[c] - twice * was_facing[c] } else { unmirrored[c] });
+        let (px, py, ahead) = pixel(previous, mirrored, if finite { 1.0 } else { 0.0 });
         let (cx, cy) = (px - now.jitter.x, py - now.jitter.y);
-        let ahead = if finite { a_ahead } else { b_ahead };
         coordinate[0][i] = cx;
         coordinate[1][i] = cy;
         let on_screen = (cx >= guard) & (cy >= guard) & (cx <= width - guard) & (cy <= height - guard);
         alive[i] &= u32::from(ahead & on_screen);
     }
-    for i in 0..e.n {
-        if e.moved[i] != 0 && e.alive[i] != 0 {
-            let place = moved_mirror(guides, &settings.glossy_temporal, e, hit[i], i)
-                .filter(|p| p.x >= guard && p.y >= guard && p.x <= width - guard && p.y <= height - guard);
-            alive[i] = u32::from(place.is_some());
-            [coordinate[0][i], coordinate[1][i]] = place.unwrap_or_default().to_array();
-        }
-    }
-}
-
-/// The reflector moved by itself: the hit point is mirrored in the plane that it had before.
-#[inline(never)]
-fn moved_mirror(guides: &CpuGuides, glossy: &GlossyTemporal, e: &Expected, hit: f32, i: usize) -> Option<Vec2> {
-    let (now, previous) = (&guides.now, &guides.previous_view);
-    let sample = Vec2::new(e.x[i] + 0.5, e.y as f32 + 0.5) + now.jitter;
-    let eye_ray = now.view.ray_direction(sample).normalize();
-    let [position, normal, was_at, was_facing] =
-        [&e.position, &e.normal, &e.was_at, &e.was_facing].map(|v| Vec3::from(lane(v, i)));
-    let reflected = eye_ray - 2.0 * eye_ray.dot(normal) * normal;
-    let before = if hit.is_finite() {
-        let point = position + reflected * hit.min(glossy.max_hit_distance * e.depth[i]);
-        previous.pixel(point - 2.0 * (point - was_at).dot(was_facing) * was_facing)
-    } else {
-        previous.pixel_of_direction(reflected - 2.0 * reflected.dot(was_facing) * was_facing)
-    };
-    before.map(|p| p + -now.jitter).filter(|p| p.is_finite())
 }
 
 /// The glossy hit distances of the lanes after the 3x3 filter over the same reflector.

@@ -1,16 +1,16 @@
 //! The schedule of stages 9 and 10: as that of stages 4 and 7, with taps along one axis.
 
 use super::sparse_bilateral::{Pieces, RunOf, guide_run};
-use crate::cpu::guides::CpuGuides;
+use crate::cpu::guides::{CpuGuides, field};
 use crate::cpu::layout::{Colours, Phases, channel};
 use crate::cpu::rows;
-use crate::kernels::edge_cpu::{Centres, Gains, RUN, Run, Tap, weights};
+use crate::kernels::edge_cpu::{Centres, Gains, HEADROOM, RUN, Run, Tap, weights};
 use crate::kernels::spiral::PERIOD;
-use crate::settings::{OffScreen, Settings};
+use crate::settings::{GlossyBilateral, OffScreen, Settings};
 use crate::stages::glossy_bilateral::KernelSize;
-use crate::stages::glossy_bilateral::cpu::{admit, exponents, finish, gaussian, radii};
+use crate::stages::glossy_bilateral::cpu::{add_neighbours, admit, exponents, finish, gaussian, nearness, radii};
 use crate::stages::glossy_bilateral::reference::Axis;
-use crate::stages::matte_prefilter::cpu::gather;
+use crate::stages::matte_prefilter::cpu::{begin as start, gather};
 use fearless_simd::{Level, dispatch};
 
 /// What a pass needs besides its images.
@@ -20,6 +20,62 @@ pub(crate) struct Filter<'a> {
     pub guides: &'a CpuGuides,
     pub settings: &'a Settings,
     pub axis: Axis,
+    /// Of every pixel, as [`radii`] finds it.
+    pub radius: &'a [f32],
+}
+
+/// The kernel's radius at every pixel, in `result`; `scratch` is as long.
+pub(crate) fn radius(
+    level: Level,
+    guides: &CpuGuides,
+    settings: &GlossyBilateral,
+    result: &mut [f32],
+    scratch: &mut [f32],
+) {
+    let phases = guides.phases;
+    let (width, height) = (phases.size.width, phases.size.height);
+    let (kernel, view) = (KernelSize::new(settings, height), &guides.now.view);
+    let hit = guides.has_glossy_hit().then_some(&guides.glossy_hit);
+    if let Some(hit) = hit {
+        rows::each(scratch, width, |y, out| {
+            let at = y * width..(y + 1) * width;
+            dispatch!(level, _simd => nearness(view.perspective, &guides.now.depth[at.clone()], &hit[at.clone()], out));
+        });
+    }
+    let near = &*scratch;
+    rows::each(result, width, |y, out| {
+        dispatch!(level, _simd => {
+            let own = field(&guides.now.id, width, 1, y, 0);
+            for phase in 0..PERIOD {
+                let begin = phases.range(phase).start;
+                for first in (0..phases.count(phase)).step_by(RUN) {
+                    let n = RUN.min(phases.count(phase) - first);
+                    let at = begin + first;
+                    let (mut sum, mut count): (Run, Run) = ([0.0; RUN], [0.0; RUN]);
+                    if hit.is_some() {
+                        for ty in y.saturating_sub(1)..(y + 2).min(height) {
+                            for dx in -1..=1 {
+                                let Some(span) = phases.shifted(phase, first, n, dx) else { continue };
+                                let q = ty * width + span.source..ty * width + span.source + span.len;
+                                let planes = (&guides.now.depth[q.clone()], &guides.now.id[q.clone()], &near[q]);
+                                let lanes = span.first..span.first + span.len;
+                                let own = &own[at + span.first..][..span.len];
+                                add_neighbours(planes, own, &mut sum[lanes.clone()], &mut count[lanes]);
+                            }
+                        }
+                        for i in 0..RUN {
+                            sum[i] /= count[i];
+                        }
+                    } else {
+                        sum = [1.0; RUN];
+                    }
+                    let here = y * width + at..y * width + at + n;
+                    let planes = (&guides.now.depth[here.clone()], &guides.now.roughness[here], &sum[..n]);
+                    radii(settings, &kernel, view.focal_px, guides.has_roughness, planes, &mut out[at..][..n]);
+                }
+            }
+        });
+    });
 }
 
 pub(crate) fn run(filter: &Filter<'_>, input: &Colours, output: &mut Colours) {
@@ -58,11 +114,8 @@ fn row<const PERSPECTIVE: bool, const GLOSS: bool>(
         for first in (0..count).step_by(RUN) {
             let n = RUN.min(count - first);
             let p = guide_run(guides, y, begin + first, n);
-            let hit = if guides.has_glossy_hit() { &guides.glossy_hit[y * width..][begin + first..][..n] } else { &[] };
             let mut radius: Run = [0.0; RUN];
-            let camera = (view.focal_px, view.perspective);
-            let planes = (p.depth, p.roughness, hit);
-            radii(settings, &kernel, camera, guides.has_roughness, planes, &mut radius[..n]);
+            radius[..n].copy_from_slice(&filter.radius[y * width + begin + first..][..n]);
             let widest = radius.iter().fold(0.0f32, |a, b| if a > *b { a } else { *b });
             let reach = (1..=kernel.reach).take_while(|k| (k * kernel.step_px) as f32 <= widest).count();
             let x = (PERIOD * first + phase) as f32;
@@ -76,10 +129,10 @@ fn row<const PERSPECTIVE: bool, const GLOSS: bool>(
                 let mut sums = [[[0.0f32; RUN]; 3]; PLANES];
                 for k in 0..together {
                     for c in 0..3 {
-                        sums[k][c][..n].copy_from_slice(&channel(own, width, plane + k, c)[begin + first..][..n]);
+                        start(&channel(own, width, plane + k, c)[begin + first..][..n], &mut sums[k][c]);
                     }
                 }
-                let mut total: Run = [1.0; RUN];
+                let mut total: Run = [HEADROOM; RUN];
                 let mut ceilings = [[f32::INFINITY; RUN]; 2];
                 for tap in 1..=reach {
                     let offset = (tap * kernel.step_px) as i32;

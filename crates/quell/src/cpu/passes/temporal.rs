@@ -116,7 +116,7 @@ fn row(
             footprint.collect(guides, &expected.coordinate, &expected.alive, false);
             footprint.look_up(guides, settings, &expected, false, &mut lookup);
             if mirrors {
-                reflect(guides, settings, &expected, (phase, first), &mut footprint, &mut lookup);
+                reflect(guides, settings, &mut expected, (phase, first), &mut footprint, &mut lookup);
             }
             if !guides.confidence_in.is_empty() {
                 let trust = &guides.confidence_in[y * width + begin..][..n];

@@ -1,44 +1,69 @@
 //! Stages 9 and 10 on runs of pixels.
 
 use super::{KernelSize, LOBE_SPREAD};
-use crate::kernels::edge_cpu::{RUN, Run};
+use crate::kernels::edge_cpu::{HEADROOM, RUN, Run, mean};
 use crate::kernels::math::exp_negative;
 use crate::settings::{GlossyBilateral, GlossyRadius};
 
-/// Radii of a run of pixels, in pixels; 0: pass through. `hit`: empty where the host gave no hit distance;
-/// `focal_px`, `perspective`: the camera's.
+/// 1 / (1 + l / d) of each pixel; parallel rays: d itself.
+#[inline(always)]
+pub(crate) fn nearness(perspective: bool, depth: &[f32], hit: &[f32], out: &mut [f32]) {
+    if !perspective {
+        out.copy_from_slice(hit);
+        return;
+    }
+    let n = out.len();
+    let (depth, hit) = (&depth[..n], &hit[..n]);
+    for i in 0..n {
+        out[i] = 1.0 / (1.0 + depth[i] / hit[i]);
+    }
+}
+
+/// Adds the nearness of those neighbours that are surfaces of the same object, and counts them.
+#[inline(always)]
+pub(crate) fn add_neighbours(
+    (depth, id, nearness): (&[f32], &[u32], &[f32]),
+    own: &[u32],
+    sum: &mut [f32],
+    count: &mut [f32],
+) {
+    let n = sum.len();
+    let (depth, id, nearness, own, count) = (&depth[..n], &id[..n], &nearness[..n], &own[..n], &mut count[..n]);
+    for i in 0..n {
+        let same = (id[i] == own[i]) & (depth[i] < f32::INFINITY);
+        sum[i] = if same { sum[i] + nearness[i] } else { sum[i] };
+        count[i] = if same { count[i] + 1.0 } else { count[i] };
+    }
+}
+
+/// Radii in pixels; 0: pass through. `nearness`: mean over the neighbours; `focal_px`: the camera's.
 #[inline(always)]
 pub(crate) fn radii(
     settings: &GlossyBilateral,
     size: &KernelSize,
-    (focal_px, perspective): (f32, bool),
+    focal_px: f32,
     has_roughness: bool,
-    (depth, roughness, hit): (&[f32], &[f32], &[f32]),
+    (depth, roughness, nearness): (&[f32], &[f32], &[f32]),
     out: &mut [f32],
 ) {
     let n = out.len();
-    let (depth, roughness) = (&depth[..n], &roughness[..n]);
+    let (depth, roughness, nearness) = (&depth[..n], &roughness[..n], &nearness[..n]);
     match settings.radius {
         GlossyRadius::Constant => out.fill(size.constant_radius_px),
         GlossyRadius::Footprint if !has_roughness => out.fill(size.max_radius_px),
         GlossyRadius::Footprint => {
             for i in 0..n {
                 let spread = LOBE_SPREAD * roughness[i] * roughness[i] * focal_px;
-                let hit = if hit.is_empty() { f32::INFINITY } else { hit[i] };
-                let nearness = if perspective { 1.0 / (1.0 + depth[i] / hit) } else { hit };
-                let radius = spread * nearness;
+                let radius = spread * nearness[i];
                 // As `min` of the standard library: a NaN (0 times infinity) gives the limit.
                 out[i] = if radius < size.max_radius_px { radius } else { size.max_radius_px };
             }
         }
     }
     for i in 0..n {
-        if out[i] < settings.min_radius {
-            out[i] = 0.0;
-        }
-        if depth[i] == f32::INFINITY {
-            out[i] = 0.0; // background passes through
-        }
+        // Background passes through.
+        let filtered = (out[i] >= settings.min_radius) & (depth[i] < f32::INFINITY);
+        out[i] = if filtered { out[i] } else { 0.0 };
     }
 }
 
@@ -58,7 +83,7 @@ pub(crate) fn exponents(sigma: f32, radius: &Run) -> Run {
 pub(crate) fn gaussian(offset: f32, exponent: &Run, radius: &Run) -> Run {
     let mut out = [0.0; RUN];
     for i in 0..RUN {
-        let g = exp_negative(offset * offset * exponent[i]);
+        let g = exp_negative(offset * offset * exponent[i]) * HEADROOM;
         out[i] = if offset > radius[i] { 0.0 } else { g };
     }
     out
@@ -91,7 +116,7 @@ pub(crate) fn finish(sums: &[f32], total: &[f32], radius: &[f32], centre: &[f32]
     let n = out.len();
     let (sums, total, radius, centre) = (&sums[..n], &total[..n], &radius[..n], &centre[..n]);
     for i in 0..n {
-        let mean = sums[i] / total[i];
+        let mean = mean(sums[i], total[i]);
         out[i] = if radius[i] > 0.0 { mean } else { centre[i] };
     }
 }

@@ -1,7 +1,9 @@
 //! Stage 8 on runs of pixels: where the mirror image was, among what still shows the same reflector.
 
 use crate::cpu::guides::CpuGuides;
-use crate::kernels::reproject_cpu::{Expected, Footprint, LANES, Lookup, filtered_hits, virtual_coordinates};
+use crate::kernels::reproject_cpu::{
+    Expected, Footprint, LANES, Lookup, filtered_hits, previous_reflectors, virtual_coordinates,
+};
 use crate::settings::Settings;
 
 /// From the lookup at the surface's place to that at the mirror image's.
@@ -9,7 +11,7 @@ use crate::settings::Settings;
 pub(crate) fn reflect(
     guides: &CpuGuides,
     settings: &Settings,
-    expected: &Expected,
+    expected: &mut Expected,
     run: (usize, usize),
     footprint: &mut Footprint,
     lookup: &mut Lookup,
@@ -19,6 +21,7 @@ pub(crate) fn reflect(
     for i in 0..LANES {
         alive[i] = u32::from(visible[i] > 0.0);
     }
+    previous_reflectors(guides, footprint, lookup, &alive, expected);
     let mut hit = [0.0; LANES];
     filtered_hits(guides, settings.glossy_temporal.hit_filter, expected, run, &mut hit);
     let mut coordinate = [[0.0; LANES]; 2];

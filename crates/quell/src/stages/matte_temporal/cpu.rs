@@ -44,8 +44,8 @@ pub(crate) fn fetch_scalar(plane: &Plane<f32>, lookup: &Lookup, n: usize, out: &
         for i in 0..n {
             let weight = lookup.weight[k][i];
             if weight > 0.0 {
-                let (x, _, y) = lookup.place[k][i];
-                out[i] += weight * data[y as usize * width + x as usize];
+                let place = &lookup.place[k];
+                out[i] += weight * data[place.row[i] as usize * width + place.column[i] as usize];
             }
         }
     }
@@ -61,8 +61,8 @@ pub(crate) fn fetch(history: &Colours, width: usize, plane: usize, lookup: &Look
         for i in 0..n {
             let weight = lookup.weight[k][i];
             if weight > 0.0 {
-                let (_, element, y) = lookup.place[k][i];
-                let at = y as usize * stride + plane * 3 * width + element as usize;
+                let place = &lookup.place[k];
+                let at = place.row[i] as usize * stride + plane * 3 * width + place.element[i] as usize;
                 for c in 0..3 {
                     out[c][i] += weight * data[at + c * width];
                 }
