@@ -282,12 +282,17 @@ impl Integrator<'_, '_> {
         let stream = sampler.fork(Domain::DirectLight as u32);
         // The choice among sources runs through 0..1 in step with the samples: each source then gets a run of
         // successive points, which is spread evenly over the source by itself.
+        let station = if count > 1 { self.sources.station(position, normal) } else { None };
         let choice_shift = stream.with_index(pass).next_1d();
         for i in 0..count {
             let mut stream = stream.fork(0).with_index(pass.wrapping_mul(count).wrapping_add(i));
             let place = stream.next_2d();
             let u = Vec3::new(((i as f32 + choice_shift) / n_light).min(ONE_MINUS_EPSILON), place.x, place.y);
-            let Some(light) = self.sources.sample(position, normal, u) else { continue };
+            let light = match &station {
+                Some(station) => self.sources.sample_from(station, u),
+                None => self.sources.sample(position, normal, u),
+            };
+            let Some(light) = light else { continue };
             let value = if light.delta { bsdf.matte(light.wi) + bsdf.glossy(light.wi) } else { lobes(light.wi) };
             if value.max_element() <= 0.0 || light.radiance.max_element() <= 0.0 {
                 continue;

@@ -1,7 +1,7 @@
 //! What lights a world, as the integrator asks for it: emissive triangles found by rays, and light sampling.
 
 use crate::environment::Environment;
-use crate::lights::{Emitter, LightSample, LightSampler};
+use crate::lights::{Emitter, LightSample, LightSampler, Station};
 use crate::scene::{PointlikeLight, Scene};
 use crate::world::World;
 use glam::Vec3;
@@ -94,7 +94,21 @@ impl Sources {
     /// A direction towards light; `normal` is 0 where light may come from both sides.
     #[inline]
     pub(crate) fn sample(&self, point: Vec3, normal: Vec3, u: Vec3) -> Option<LightSample> {
-        let mut sample = self.sampler.sample(point, normal, u)?;
+        self.finish(self.sampler.sample(point, normal, u)?)
+    }
+
+    /// For many samples from one point; `None` where there are too many sources to look at each.
+    pub(crate) fn station(&self, point: Vec3, normal: Vec3) -> Option<Station<'_>> {
+        self.sampler.station(point, normal)
+    }
+
+    /// [`Sources::sample`] from a station.
+    #[inline]
+    pub(crate) fn sample_from(&self, station: &Station<'_>, u: Vec3) -> Option<LightSample> {
+        self.finish(station.sample(u)?)
+    }
+
+    fn finish(&self, mut sample: LightSample) -> Option<LightSample> {
         if sample.emitter_index == self.environment_index {
             sample.radiance *= self.environment_scale;
         }

@@ -80,6 +80,53 @@ pub struct LightSample {
 /// nothing of shadows.
 const INFINITE_PROBABILITY: std::ops::RangeInclusive<f32> = 0.1..=0.9;
 
+/// Emitters up to which [`LightSampler::station`] looks at each: more are cheaper to find by the tree.
+const STATION_EMITTERS: usize = 16;
+
+/// A [`LightSampler`] at one point.
+pub(crate) struct Station<'a> {
+    sampler: &'a LightSampler,
+    point: Vec3,
+    normal: Vec3,
+    stops: Vec<Stop>,
+}
+
+/// An emitter that can be chosen at a point.
+struct Stop {
+    index: usize,
+    /// Its probability, and the sum up to and with it.
+    share: f32,
+    end: f32,
+    /// Triangles only.
+    view: Option<TriangleView>,
+}
+
+impl Station<'_> {
+    /// [`LightSampler::sample`] with the same densities; `u.x` runs through the emitters in their order.
+    pub(crate) fn sample(&self, u: Vec3) -> Option<LightSample> {
+        let stop = self.stops.iter().find(|s| u.x < s.end)?;
+        let place = Vec2::new(u.y, u.z);
+        match &self.sampler.emitters[stop.index] {
+            Emitter::Triangle { radiance, .. } => {
+                let sample = stop.view.as_ref()?.sample(place)?;
+                Some(LightSample {
+                    wi: sample.wi,
+                    distance: sample.distance,
+                    radiance: *radiance,
+                    pdf: stop.share * sample.pdf,
+                    delta: false,
+                    emitter_index: stop.index,
+                    barycentrics: sample.barycentrics,
+                })
+            }
+            Emitter::Directional { .. } | Emitter::Environment(_) => {
+                self.sampler.sample_infinite(stop.index, self.normal, place, stop.share)
+            }
+            _ => self.sampler.sample_finite(stop.index, self.point, place, stop.share),
+        }
+    }
+}
+
 /// Draws directions towards light.
 #[derive(Clone, Debug)]
 pub struct LightSampler {
@@ -184,6 +231,36 @@ impl LightSampler {
             }
             Emitter::Point { .. } | Emitter::Spot { .. } | Emitter::Directional { .. } => 0.0,
         }
+    }
+
+    /// All that sampling from one point needs, worked out once: for many samples of few emitters. `None` where there are
+    /// more than [`STATION_EMITTERS`].
+    pub(crate) fn station(&self, reference_point: Vec3, normal: Vec3) -> Option<Station<'_>> {
+        if self.emitters.len() > STATION_EMITTERS {
+            return None;
+        }
+        let infinite_probability = self.infinite_probability(reference_point, normal);
+        let mut stops = Vec::with_capacity(self.emitters.len());
+        let mut end = 0.0;
+        for (index, emitter) in self.emitters.iter().enumerate() {
+            let infinite = matches!(emitter, Emitter::Directional { .. } | Emitter::Environment(_));
+            let share = if infinite {
+                infinite_probability * self.infinite_share(normal, index)
+            } else {
+                (1.0 - infinite_probability) * self.tree.probability(reference_point, normal, index)
+            };
+            if share > 0.0 {
+                let view = match emitter {
+                    Emitter::Triangle { vertices, two_sided, .. } => {
+                        TriangleView::new(vertices, *two_sided, reference_point)
+                    }
+                    _ => None,
+                };
+                end += share;
+                stops.push(Stop { index, share, end, view });
+            }
+        }
+        Some(Station { sampler: self, point: reference_point, normal, stops })
     }
 
     /// Probability of asking the infinite sources.

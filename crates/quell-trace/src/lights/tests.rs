@@ -415,3 +415,37 @@ proptest! {
         }
     }
 }
+
+#[test]
+fn a_station_has_the_densities_of_the_sampler() {
+    let triangle = |x: f32, two_sided: bool| Emitter::Triangle {
+        vertices: [Vec3::new(x, 2.0, 0.0), Vec3::new(x, 2.5, 1.0), Vec3::new(x + 1.0, 2.0, 0.5)],
+        radiance: Vec3::ONE,
+        two_sided,
+    };
+    let emitters = vec![
+        triangle(-1.0, true),
+        Emitter::Point { position: Vec3::new(1.0, 1.0, 1.0), intensity: Vec3::splat(3.0) },
+        triangle(0.5, false),
+        Emitter::Environment(Arc::new(Environment::constant(Vec3::splat(0.2)))),
+        Emitter::Directional { direction: Vec3::NEG_Y, irradiance: Vec3::splat(0.5) },
+        triangle(3.0, true),
+    ];
+    let sampler = LightSampler::new(emitters.clone());
+    let mut seen = [0; 6];
+    for i in 0..400 {
+        let f = |k: f32| (i as f32 * k).fract();
+        let point = Vec3::new(4.0 * f(0.618) - 2.0, f(0.31), 3.0 * f(0.77) - 1.0);
+        let normal = Vec3::new(f(0.13) - 0.5, 0.8, f(0.57) - 0.5).normalize();
+        let station = sampler.station(point, normal).unwrap();
+        let Some(sample) = station.sample(Vec3::new(f(0.4142), f(0.732), f(0.236))) else { continue };
+        seen[sample.emitter_index] += 1;
+        if !sample.delta {
+            let pdf = sampler.pdf(point, normal, sample.emitter_index, sample.wi);
+            assert!((sample.pdf / pdf - 1.0).abs() < 1e-4, "{sample:?}: {pdf}");
+        }
+    }
+    // The third shows all points its back.
+    assert!(seen.iter().enumerate().all(|(i, n)| if i == 2 { *n == 0 } else { *n > 3 }), "{seen:?}");
+    assert!(LightSampler::new(vec![triangle(0.0, true); 17]).station(Vec3::ZERO, Vec3::Y).is_none());
+}
