@@ -1,7 +1,8 @@
 //! Traces one frame of a built-in scene and writes a tone-mapped PNG, for looking at scenes.
 //!
 //! `cargo run --release -p quell-trace --example trace -- SCENE CAMERA FRAME WIDTHxHEIGHT SAMPLES OUT.png [PLANE]`,
-//! PLANE one of `composite` (default), `reference`, `direct`, `matte`, `glossy`, `normal`.
+//! PLANE one of `composite` (default), `direct`, `matte`, `glossy`, `normal`; or `reference` (the full integral) and
+//! `factored` (the frame's own estimators), both with SAMPLES samples.
 
 use quell::{Plane, Rgb, Size};
 use quell_trace::{Control, Half, ReferenceKind, RenderOptions, Tracer, builtin};

@@ -17,7 +17,7 @@ pub(super) const INFO: SceneInfo = SceneInfo {
     name: "glossy-room",
     stresses: "glossy floor, moving objects, moving camera, light that comes from walls and ceiling: the demo",
     frames: 64,
-    exposure: 1.0,
+    exposure: 1.25,
     cameras: 5,
 };
 
