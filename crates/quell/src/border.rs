@@ -153,7 +153,7 @@ fn note(row: &mut RowTally, repair: Repair) {
 }
 
 /// Colours beyond it would overflow where stages square and add them up.
-const COLOUR_LIMIT: f32 = 1e15;
+pub(crate) const COLOUR_LIMIT: f32 = 1e15;
 
 #[inline(always)]
 pub(crate) fn clean_colour(c: Rgb, row: &mut RowTally) -> Rgb {

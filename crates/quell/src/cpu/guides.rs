@@ -3,8 +3,8 @@
 use super::layout::{Colours, Phases};
 use super::rows;
 use crate::border::{
-    PlaneName, RowTally, Sanitised, Tally, camera_motion, clean_colour, clean_depth, clean_hit, clean_motion,
-    clean_normal, clean_unit_range, sample_position,
+    COLOUR_LIMIT, PlaneName, RowTally, Sanitised, Tally, camera_motion, clean_colour, clean_depth, clean_hit,
+    clean_motion, clean_normal, clean_unit_range, sample_position,
 };
 use crate::camera::Projection;
 use crate::error::Error;
@@ -103,7 +103,18 @@ impl CpuGuides {
             None => now.depth.fill(1.0),
         }
         match frame.normal {
-            Some(p) => read_vectors(&phases, p, &mut now.normal, PlaneName::Normal, sanitised, clean_normal),
+            Some(p) => {
+                read_vectors(&phases, p, &mut now.normal, PlaneName::Normal, sanitised, clean_normal);
+                // A normal of (0, 0, 0) says background, whatever the depth.
+                let normal = &now.normal;
+                rows::each(&mut now.depth, size.width, |y, row| {
+                    let [x, y, z] = [0, 1, 2].map(|c| field(normal, size.width, 3, y, c));
+                    for i in 0..row.len() {
+                        let none = (x[i] == 0.0) & (y[i] == 0.0) & (z[i] == 0.0);
+                        row[i] = if none { f32::INFINITY } else { row[i] };
+                    }
+                });
+            }
             None => {
                 let facing = (-view.forward).to_array();
                 rows::each(&mut now.normal, 3 * size.width, |_, row| {
@@ -228,10 +239,10 @@ fn scatter<const N: usize>(
     }
 }
 
-/// True where no value of a row needs attention: all finite, none negative.
+/// True where no value of a row needs attention: none negative, none too large, all numbers.
 #[inline(always)]
 fn is_clean(row: &[Rgb]) -> bool {
-    row.as_flattened().iter().fold(true, |clean, v| clean & (*v >= 0.0) & (*v < f32::INFINITY))
+    row.as_flattened().iter().fold(true, |clean, v| clean & (*v >= 0.0) & (*v <= COLOUR_LIMIT))
 }
 
 /// Reads plane `plane` of `target`.

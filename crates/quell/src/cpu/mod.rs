@@ -236,7 +236,7 @@ impl Cpu {
                 sparse_bilateral::run(&filter, &input, &mut output);
             }
             Stage::Disocclusion => self.disocclusion(step, settings, &input, &mut output),
-            Stage::Firefly => firefly::run(level, guides, settings.firefly.median, &input, &mut output),
+            Stage::Firefly => firefly::run(level, guides, &settings.firefly, &input, &mut output),
             Stage::GlossyHorizontal | Stage::GlossyVertical => {
                 let axis = if step.stage == Stage::GlossyHorizontal { Axis::Horizontal } else { Axis::Vertical };
                 let stage = &settings.glossy_bilateral;

@@ -1,5 +1,5 @@
-//! Boxes for the colour clamp (`clip.rs`) of a run of pixels: least and greatest value down columns first, then along
-//! rows.
+//! Boxes for the colour clamp (`clip.rs`) of a run of pixels: least and greatest values, or sums, down columns first,
+//! then along rows.
 
 use super::math::{three, ycocg_from_rgb};
 use super::reproject_cpu::{LANES, Lanes3};
@@ -82,6 +82,90 @@ impl Columns {
                     low[c][i] = if l[i] < low[c][i] { l[i] } else { low[c][i] };
                     high[c][i] = if h[i] > high[c][i] { h[i] } else { high[c][i] };
                 }
+            }
+        }
+    }
+}
+
+/// Sums over the columns around a block of `LANES` pixels of each phase: YCoCg, their squares, surfaces.
+#[derive(Debug)]
+pub(crate) struct Moments {
+    /// Three sums, three sums of squares, the number.
+    sums: [[[f32; PADDED]; 7]; PERIOD],
+}
+
+impl Moments {
+    pub fn new() -> Self {
+        Self { sums: [[[0.0; PADDED]; 7]; PERIOD] }
+    }
+
+    /// As [`Columns::fill`]; only surfaces count.
+    #[inline(always)]
+    pub fn fill(
+        &mut self,
+        phases: &Phases,
+        current: &Colours,
+        depth: &[f32],
+        (y, first): (usize, usize),
+        radius: usize,
+    ) {
+        let (width, height) = (phases.size.width, phases.size.height);
+        for phase in 0..PERIOD {
+            let sums = &mut self.sums[phase];
+            *sums = [[0.0; PADDED]; 7];
+            let begin = first.saturating_sub(1);
+            let end = (first + LANES + 1).min(phases.count(phase));
+            if begin >= end {
+                continue;
+            }
+            let (n, lane) = (end - begin, begin + 1 - first);
+            let at = phases.range(phase).start + begin;
+            let [s0, s1, s2, q0, q1, q2, count] = sums;
+            let [s0, s1, s2] = [&mut s0[lane..][..n], &mut s1[lane..][..n], &mut s2[lane..][..n]];
+            let [q0, q1, q2] = [&mut q0[lane..][..n], &mut q1[lane..][..n], &mut q2[lane..][..n]];
+            let count = &mut count[lane..][..n];
+            for ty in y.saturating_sub(radius)..(y + radius + 1).min(height) {
+                let row = current.row(width, ty);
+                let [r, g, b] = three(|c| &channel(row, width, 0, c)[at..][..n]);
+                let depth = &depth[ty * width + at..][..n];
+                for i in 0..n {
+                    let counts = depth[i] < f32::INFINITY;
+                    let c = ycocg_from_rgb([r[i], g[i], b[i]]);
+                    let (c0, c1, c2) = if counts { (c[0], c[1], c[2]) } else { (0.0, 0.0, 0.0) };
+                    s0[i] += c0;
+                    s1[i] += c1;
+                    s2[i] += c2;
+                    q0[i] += c0 * c0;
+                    q1[i] += c1 * c1;
+                    q2[i] += c2 * c2;
+                    count[i] += if counts { 1.0 } else { 0.0 };
+                }
+            }
+        }
+    }
+
+    /// The boxes of one phase's pixels: mean and `gamma` deviations.
+    #[inline(always)]
+    pub fn boxes(&self, phase: usize, radius: usize, gamma: f32, low: &mut Lanes3, high: &mut Lanes3) {
+        let mut sums = [[0.0f32; LANES]; 7];
+        let radius = radius.min(PERIOD) as isize;
+        for d in -radius..=radius {
+            let target = phase as isize + d;
+            let (of, shift) = (target.rem_euclid(PERIOD as isize) as usize, target.div_euclid(PERIOD as isize));
+            for c in 0..7 {
+                let column = &self.sums[of][c][(1 + shift) as usize..][..LANES];
+                for i in 0..LANES {
+                    sums[c][i] += column[i];
+                }
+            }
+        }
+        for c in 0..3 {
+            for i in 0..LANES {
+                let mean = sums[c][i] / sums[6][i];
+                let variance = sums[3 + c][i] / sums[6][i] - mean * mean;
+                let deviation = if variance > 0.0 { variance } else { 0.0 }.sqrt();
+                low[c][i] = mean - gamma * deviation;
+                high[c][i] = mean + gamma * deviation;
             }
         }
     }

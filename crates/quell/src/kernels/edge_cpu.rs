@@ -14,18 +14,6 @@ use glam::Vec3;
 /// Pixels whose weights are computed together.
 pub(crate) const RUN: usize = 128;
 
-/// All weights, the centre's too, are scaled by this power of two: sums of a few hundred taps then never overflow, and
-/// no other bit changes.
-pub(crate) const HEADROOM: f32 = 1.0 / 512.0;
-
-/// The mean from scaled sums. Rounding may carry a mean of the largest numbers beyond them: it is brought back.
-#[inline(always)]
-pub(crate) fn mean(sum: f32, total: f32) -> f32 {
-    let mean = sum / total;
-    let mean = if mean < f32::MAX { mean } else { f32::MAX };
-    if mean > f32::MIN { mean } else { f32::MIN }
-}
-
 /// One value for each pixel of a run.
 pub(crate) type Run = [f32; RUN];
 

@@ -1,7 +1,7 @@
 //! Reprojection (`reproject.rs`) on runs of pixels: arithmetic lane by lane, in the reference's order of operations, so
 //! that both find the same places to the bit. Previous pixels lie anywhere: they are collected one by one.
 
-use super::math::{smoothstep, three};
+use super::math::three;
 use crate::camera::Projection;
 use crate::cpu::guides::{CpuGuides, Surfaces, field};
 use crate::settings::{HitFilter, Rejection, Settings, Surface as SurfaceSettings};
@@ -215,6 +215,17 @@ impl Default for Place {
     }
 }
 
+/// `smoothstep` without branches.
+#[inline(always)]
+fn step(low: f32, high: f32, x: f32) -> f32 {
+    let t = (x - low) / (high - low);
+    let t = if t > 0.0 { t } else { 0.0 };
+    let t = if t < 1.0 { t } else { 1.0 };
+    let smooth = t * t * (3.0 - 2.0 * t);
+    let hard = if x < low { 0.0 } else { 1.0 };
+    if high <= low { hard } else { smooth }
+}
+
 /// The four pixels of each lane's footprint: where they are and what they show.
 #[derive(Debug)]
 pub(crate) struct Footprint {
@@ -322,34 +333,44 @@ impl Footprint {
         found.place = self.place;
         let mut total = [0.0; LANES];
         let mut trusted = [0.0; LANES];
+        let (least_difference, near) = match rejection {
+            Rejection::Point => (0.0, surface.point_distance),
+            _ => (surface.pixel_distance, surface.plane_distance),
+        };
+        let no_rejection = rejection == Rejection::Off;
+        let by_point = rejection == Rejection::Point;
+        let roughness_limit = if reflector { glossy.reflector_roughness } else { f32::INFINITY };
+        let view = &guides.now.view;
+        let mut begin = [0.0; LANES];
+        for i in 0..LANES {
+            let z = e.depth[i];
+            let size = if view.perspective { z } else { 1.0 } / view.focal_px;
+            let (a, b) = (near * z, least_difference * size);
+            begin[i] = if b > a { b } else { a };
+        }
         for k in 0..4 {
+            let mut distance = [0.0; LANES];
+            for i in 0..LANES {
+                let (u, v) = (self.column[k][i] + 0.5 + before.jitter.x, self.row[k][i] + 0.5 + before.jitter.y);
+                let there = world(&before.view, u, v, self.depth[k][i]);
+                let (was_at, was_facing) = (lane(&e.was_at, i), lane(&e.was_facing, i));
+                let offset = three(|c| there[c] - was_at[c]);
+                distance[i] = dot(offset, was_facing).abs();
+                if by_point {
+                    distance[i] = dot(offset, offset).sqrt();
+                }
+            }
             for i in 0..LANES {
                 let depth = self.depth[k][i];
-                let normal = lane(&self.normal[k], i);
-                let (was_at, was_facing) = (lane(&e.was_at, i), lane(&e.was_facing, i));
-                let mut same =
-                    (depth < f32::INFINITY) & (self.id[k][i] == e.id[i]) & (dot(normal, was_facing) >= least_cosine);
-                if reflector {
-                    let difference = (self.roughness[k][i] - e.roughness[i]).abs();
-                    same &= difference <= glossy.reflector_roughness;
-                }
-                let (u, v) = (self.column[k][i] + 0.5 + before.jitter.x, self.row[k][i] + 0.5 + before.jitter.y);
-                let there = world(&before.view, u, v, depth);
-                let offset = three(|c| there[c] - was_at[c]);
-                let z = e.depth[i];
-                let trust = match rejection {
-                    Rejection::Off => 1.0,
-                    Rejection::Plane => {
-                        let of_depth = surface.plane_distance * z;
-                        let of_pixel = surface.pixel_distance * guides.now.view.pixel_size(z);
-                        let begin = if of_pixel > of_depth { of_pixel } else { of_depth };
-                        1.0 - smoothstep(begin, surface.falloff * begin, dot(offset, was_facing).abs())
-                    }
-                    Rejection::Point => {
-                        let begin = surface.point_distance * z;
-                        1.0 - smoothstep(begin, surface.falloff * begin, dot(offset, offset).sqrt())
-                    }
-                };
+                let cosine = dot(lane(&self.normal[k], i), lane(&e.was_facing, i));
+                // Without the reflector's test the roughness here is that of an earlier lookup: a number, any number.
+                let difference = (self.roughness[k][i] - e.roughness[i]).abs();
+                let same = (depth < f32::INFINITY)
+                    & (self.id[k][i] == e.id[i])
+                    & (cosine >= least_cosine)
+                    & (difference <= roughness_limit);
+                let trust = 1.0 - step(begin[i], surface.falloff * begin[i], distance[i]);
+                let trust = if no_rejection { 1.0 } else { trust };
                 let counts = same & (trust > 0.0);
                 let weight = if counts { self.weight[k][i] } else { 0.0 };
                 found.weight[k][i] = weight;

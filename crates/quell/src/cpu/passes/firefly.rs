@@ -5,23 +5,23 @@ use crate::cpu::layout::{Colours, Phases, channel};
 use crate::cpu::rows;
 use crate::kernels::math::luminance;
 use crate::kernels::spiral::PERIOD;
-use crate::settings::Median;
-use crate::stages::firefly::cpu::{NEIGHBOURS, median, rank};
+use crate::settings::{Firefly, Median};
+use crate::stages::firefly::cpu::{MIDDLE, NEIGHBOURS, is_replaced, median, rank};
 use fearless_simd::{Level, dispatch};
 
 /// Pixels whose medians are found together.
 const RUN: usize = 64;
 type Run = [f32; RUN];
 
-pub(crate) fn run(level: Level, guides: &CpuGuides, kind: Median, input: &Colours, output: &mut Colours) {
+pub(crate) fn run(level: Level, guides: &CpuGuides, settings: &Firefly, input: &Colours, output: &mut Colours) {
     let phases = guides.phases;
     let stride = output.stride(phases.size.width);
     rows::each(output.elements_mut(), stride, |y, out| {
         dispatch!(level, _simd => {
-            if kind == Median::Channel && input.planes == 1 {
-                values(guides, &phases, input, y, out);
+            if settings.median == Median::Channel && input.planes == 1 {
+                values(guides, &phases, settings, input, y, out);
             } else {
-                choices(guides, &phases, kind, input, y, out);
+                choices(guides, &phases, settings, input, y, out);
             }
         });
     });
@@ -31,6 +31,12 @@ pub(crate) fn run(level: Level, guides: &CpuGuides, kind: Median, input: &Colour
 #[inline(always)]
 fn lane(v: &[Run; NEIGHBOURS], i: usize) -> [f32; NEIGHBOURS] {
     [v[0][i], v[1][i], v[2][i], v[3][i], v[4][i], v[5][i], v[6][i], v[7][i], v[8][i]]
+}
+
+/// Which of nine a pixel takes.
+#[inline(always)]
+fn choose(settings: &Firefly, values: [f32; NEIGHBOURS]) -> u32 {
+    if is_replaced(settings, values[MIDDLE], median(values)) { rank(values) } else { MIDDLE as u32 }
 }
 
 /// Where the neighbours of a run lie, and which of them are surfaces.
@@ -89,7 +95,7 @@ impl Around {
 }
 
 #[inline(always)]
-fn values(guides: &CpuGuides, phases: &Phases, input: &Colours, y: usize, out: &mut [f32]) {
+fn values(guides: &CpuGuides, phases: &Phases, settings: &Firefly, input: &Colours, y: usize, out: &mut [f32]) {
     let width = phases.size.width;
     let mut v = [[0.0; RUN]; NEIGHBOURS];
     for phase in 0..PERIOD {
@@ -100,7 +106,8 @@ fn values(guides: &CpuGuides, phases: &Phases, input: &Colours, y: usize, out: &
                 around.load(phases, input, 0, c, &mut v);
                 let mut result = [0.0; RUN];
                 for i in 0..RUN {
-                    result[i] = median(lane(&v, i));
+                    let (own, middle) = (v[MIDDLE][i], median(lane(&v, i)));
+                    result[i] = if is_replaced(settings, own, middle) { middle } else { own };
                 }
                 out[c * width + phases.range(phase).start + first..][..n].copy_from_slice(&result[..n]);
             }
@@ -109,7 +116,7 @@ fn values(guides: &CpuGuides, phases: &Phases, input: &Colours, y: usize, out: &
 }
 
 #[inline(always)]
-fn choices(guides: &CpuGuides, phases: &Phases, kind: Median, input: &Colours, y: usize, out: &mut [f32]) {
+fn choices(guides: &CpuGuides, phases: &Phases, settings: &Firefly, input: &Colours, y: usize, out: &mut [f32]) {
     let width = phases.size.width;
     let mut v = [[0.0; RUN]; NEIGHBOURS];
     for phase in 0..PERIOD {
@@ -117,12 +124,12 @@ fn choices(guides: &CpuGuides, phases: &Phases, kind: Median, input: &Colours, y
             let n = RUN.min(phases.count(phase) - first);
             let around = Around::new(guides, phases, y, phase, first, n);
             let mut chosen = [[0u32; RUN]; 3];
-            match kind {
+            match settings.median {
                 Median::Channel => {
                     for c in 0..3 {
                         around.load(phases, input, 0, c, &mut v);
                         for i in 0..RUN {
-                            chosen[c][i] = rank(lane(&v, i));
+                            chosen[c][i] = choose(settings, lane(&v, i));
                         }
                     }
                 }
@@ -137,7 +144,7 @@ fn choices(guides: &CpuGuides, phases: &Phases, kind: Median, input: &Colours, y
                         }
                     }
                     for i in 0..RUN {
-                        chosen[0][i] = rank(lane(&v, i));
+                        chosen[0][i] = choose(settings, lane(&v, i));
                     }
                     chosen = [chosen[0]; 3];
                 }

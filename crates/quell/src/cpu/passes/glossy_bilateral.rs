@@ -4,13 +4,13 @@ use super::sparse_bilateral::{Pieces, RunOf, guide_run};
 use crate::cpu::guides::{CpuGuides, field};
 use crate::cpu::layout::{Colours, Phases, channel};
 use crate::cpu::rows;
-use crate::kernels::edge_cpu::{Centres, Gains, HEADROOM, RUN, Run, Tap, weights};
+use crate::kernels::edge_cpu::{Centres, Gains, RUN, Run, Tap, weights};
 use crate::kernels::spiral::PERIOD;
 use crate::settings::{GlossyBilateral, OffScreen, Settings};
 use crate::stages::glossy_bilateral::KernelSize;
 use crate::stages::glossy_bilateral::cpu::{add_neighbours, admit, exponents, finish, gaussian, nearness, radii};
 use crate::stages::glossy_bilateral::reference::Axis;
-use crate::stages::matte_prefilter::cpu::{begin as start, gather};
+use crate::stages::matte_prefilter::cpu::gather;
 use fearless_simd::{Level, dispatch};
 
 /// What a pass needs besides its images.
@@ -129,10 +129,10 @@ fn row<const PERSPECTIVE: bool, const GLOSS: bool>(
                 let mut sums = [[[0.0f32; RUN]; 3]; PLANES];
                 for k in 0..together {
                     for c in 0..3 {
-                        start(&channel(own, width, plane + k, c)[begin + first..][..n], &mut sums[k][c]);
+                        sums[k][c][..n].copy_from_slice(&channel(own, width, plane + k, c)[begin + first..][..n]);
                     }
                 }
-                let mut total: Run = [HEADROOM; RUN];
+                let mut total: Run = [1.0; RUN];
                 let mut ceilings = [[f32::INFINITY; RUN]; 2];
                 for tap in 1..=reach {
                     let offset = (tap * kernel.step_px) as i32;

@@ -3,11 +3,11 @@
 use crate::cpu::guides::{CpuGuides, field};
 use crate::cpu::layout::{Colours, Phases, Span, channel};
 use crate::cpu::rows;
-use crate::kernels::edge_cpu::{Centres, Gains, GuideRun, HEADROOM, RUN, Tap, weights};
+use crate::kernels::edge_cpu::{Centres, Gains, GuideRun, RUN, Tap, weights};
 use crate::kernels::math::three;
 use crate::kernels::spiral::{PERIOD, Spiral, SpiralShape, land};
 use crate::settings::OffScreen;
-use crate::stages::matte_prefilter::cpu::{MOST_TAPS, Weights, admit, begin as start, finish, gather};
+use crate::stages::matte_prefilter::cpu::{MOST_TAPS, Weights, admit, finish, gather};
 use fearless_simd::{Level, dispatch};
 
 /// What a pass needs besides its images.
@@ -144,7 +144,7 @@ fn row<const PERSPECTIVE: bool, const GLOSS: bool>(
             let p = guide_run(guides, y, begin + first, n);
             let x = (PERIOD * first + phase) as f32;
             centres.fill(view, &p, x + 0.5 + guides.now.jitter.x, y as f32 + 0.5 + guides.now.jitter.y);
-            computed.total = [HEADROOM; RUN];
+            computed.total = [1.0; RUN];
             let run = RunOf { y, phase, first, len: n };
             for (k, tap) in taps.iter().enumerate() {
                 computed.taps[k][..n].fill(0.0);
@@ -161,7 +161,7 @@ fn row<const PERSPECTIVE: bool, const GLOSS: bool>(
             for plane in 0..input.planes {
                 let mut sums = [[0.0f32; RUN]; 3];
                 for c in 0..3 {
-                    start(&channel(own, width, plane, c)[begin + first..][..n], &mut sums[c]);
+                    sums[c][..n].copy_from_slice(&channel(own, width, plane, c)[begin + first..][..n]);
                 }
                 for (k, tap) in taps.iter().enumerate() {
                     let mut pieces = Pieces::of(phases, run, (tap.dx, tap.dy), filter.shape.off_screen);

@@ -4,10 +4,9 @@
 use crate::cpu::guides::{CpuGuides, field};
 use crate::cpu::layout::{Colours, Phases};
 use crate::cpu::rows;
-use crate::frame::{Rgb, Signal};
-use crate::kernels::clip::ColourBox;
-use crate::kernels::clip_cpu::Columns;
-use crate::kernels::reproject_cpu::{Expected, Footprint, LANES, Lanes3, Lookup};
+use crate::frame::Signal;
+use crate::kernels::clip_cpu::{Columns, Moments};
+use crate::kernels::reproject_cpu::{Expected, Footprint, LANES, Lookup};
 use crate::kernels::spiral::PERIOD;
 use crate::kernels::temporal::Blend;
 use crate::plane::Plane;
@@ -94,6 +93,7 @@ fn row(
     let mut footprint = Footprint::new();
     let mut lookup = Lookup::new();
     let mut columns = Columns::new();
+    let mut moments = Moments::new();
     let mut shares = Shares::new();
     let mut old_length = [0.0; LANES];
     let (mut low, mut high) = ([[0.0; LANES]; 3], [[0.0; LANES]; 3]);
@@ -103,6 +103,9 @@ fn row(
     for first in (0..phases.longest()).step_by(LANES) {
         if weights.clip == Clip::Box {
             columns.fill(phases, current, Some(&guides.now.depth), (y, first), radius);
+        }
+        if weights.clip == Clip::Sigma {
+            moments.fill(phases, current, &guides.now.depth, (y, first), radius);
         }
         for phase in 0..PERIOD {
             let count = phases.count(phase);
@@ -138,7 +141,7 @@ fn row(
                     (low, high) = ([[f32::NEG_INFINITY; LANES]; 3], [[f32::INFINITY; LANES]; 3]);
                 }
                 Clip::Box => columns.boxes(phase, radius, &mut low, &mut high),
-                Clip::Sigma => deviations(guides, weights, current, (x, y, n), &mut low, &mut high),
+                Clip::Sigma => moments.boxes(phase, radius, weights.clip_gamma, &mut low, &mut high),
             }
             clamp(&beauty_then, &beauty_now, &low, &high, &mut beauty_clamped);
             for plane in 0..current.planes {
@@ -154,37 +157,6 @@ fn row(
                     out[(plane * 3 + c) * width + begin..][..n].copy_from_slice(&result[c][..n]);
                 }
             }
-        }
-    }
-}
-
-/// Boxes of mean and deviation: rare, so pixel by pixel.
-#[inline(never)]
-fn deviations(
-    guides: &CpuGuides,
-    weights: &Blend,
-    current: &Colours,
-    (x, y, n): (usize, usize, usize),
-    low: &mut Lanes3,
-    high: &mut Lanes3,
-) {
-    let (phases, size) = (&guides.phases, guides.phases.size);
-    let radius = weights.clip_radius as usize;
-    for i in 0..n {
-        let x = x + PERIOD * i;
-        let rows = y.saturating_sub(radius)..(y + radius + 1).min(size.height);
-        let columns = x.saturating_sub(radius)..(x + radius + 1).min(size.width);
-        let neighbours = rows
-            .flat_map(|ty| columns.clone().map(move |tx| (tx, ty)))
-            .filter(|&(tx, ty)| guides.now.depth[phases.index(tx, ty)].is_finite())
-            .map(|(tx, ty)| {
-                let (row, e) = (current.row(size.width, ty), phases.element(tx));
-                [row[e], row[size.width + e], row[2 * size.width + e]] as Rgb
-            });
-        let bounds = ColourBox::of(neighbours, weights.clip, weights.clip_gamma);
-        for c in 0..3 {
-            low[c][i] = bounds.low[c];
-            high[c][i] = bounds.high[c];
         }
     }
 }

@@ -1,58 +1,77 @@
 //! Stage 6 on runs of pixels: a network of exchanges, without branches.
 
+use crate::settings::Firefly;
+
 /// Neighbours of a pixel, itself among them, in reading order.
 pub(crate) const NEIGHBOURS: usize = 9;
 
-/// The exchanges that bring the median of nine to place 4 (Smith's network of 19).
-const EXCHANGES: [(usize, usize); 19] = [
-    (1, 2),
-    (4, 5),
-    (7, 8),
-    (0, 1),
-    (3, 4),
-    (6, 7),
-    (1, 2),
-    (4, 5),
-    (7, 8),
-    (0, 3),
-    (5, 8),
-    (4, 7),
-    (3, 6),
-    (1, 4),
-    (2, 5),
-    (4, 7),
-    (4, 2),
-    (6, 4),
-    (4, 2),
-];
-/// Where the network leaves the median.
-const MIDDLE: usize = 4;
+/// The pixel itself, and where the network leaves the median.
+pub(crate) const MIDDLE: usize = 4;
+
+/// Brings the median of nine to place 4 (Smith's network of 19 exchanges). Written out: only so does the compiler keep
+/// the nine in registers and take many lanes at a time.
+macro_rules! exchange_network {
+    ($exchange:ident) => {
+        $exchange!(1, 2);
+        $exchange!(4, 5);
+        $exchange!(7, 8);
+        $exchange!(0, 1);
+        $exchange!(3, 4);
+        $exchange!(6, 7);
+        $exchange!(1, 2);
+        $exchange!(4, 5);
+        $exchange!(7, 8);
+        $exchange!(0, 3);
+        $exchange!(5, 8);
+        $exchange!(4, 7);
+        $exchange!(3, 6);
+        $exchange!(1, 4);
+        $exchange!(2, 5);
+        $exchange!(4, 7);
+        $exchange!(4, 2);
+        $exchange!(6, 4);
+        $exchange!(4, 2);
+    };
+}
 
 /// The median of nine.
 #[inline(always)]
 pub(crate) fn median(mut v: [f32; NEIGHBOURS]) -> f32 {
-    for (a, b) in EXCHANGES {
-        let (x, y) = (v[a], v[b]);
-        v[a] = if y < x { y } else { x };
-        v[b] = if y < x { x } else { y };
+    macro_rules! exchange {
+        ($a:literal, $b:literal) => {
+            let (x, y) = (v[$a], v[$b]);
+            v[$a] = if y < x { y } else { x };
+            v[$b] = if y < x { x } else { y };
+        };
     }
+    exchange_network!(exchange);
     v[MIDDLE]
 }
 
 /// Which of nine is the median; of equal values the first in reading order counts as the least.
 #[inline(always)]
+#[expect(unused_assignments, reason = "nobody asks for the last exchange's keys")]
 pub(crate) fn rank(values: [f32; NEIGHBOURS]) -> u32 {
     let mut key = [0; NEIGHBOURS];
     for k in 0..NEIGHBOURS {
         key[k] = ordered(values[k]);
     }
     let mut place: [u32; NEIGHBOURS] = [0, 1, 2, 3, 4, 5, 6, 7, 8];
-    for (a, b) in EXCHANGES {
-        let swap = (key[b] < key[a]) | ((key[b] == key[a]) & (place[b] < place[a]));
-        (key[a], key[b]) = if swap { (key[b], key[a]) } else { (key[a], key[b]) };
-        (place[a], place[b]) = if swap { (place[b], place[a]) } else { (place[a], place[b]) };
+    macro_rules! exchange {
+        ($a:literal, $b:literal) => {
+            let swap = (key[$b] < key[$a]) | ((key[$b] == key[$a]) & (place[$b] < place[$a]));
+            (key[$a], key[$b]) = if swap { (key[$b], key[$a]) } else { (key[$a], key[$b]) };
+            (place[$a], place[$b]) = if swap { (place[$b], place[$a]) } else { (place[$a], place[$b]) };
+        };
     }
+    exchange_network!(exchange);
     place[MIDDLE]
+}
+
+/// Whether a value gives way to the median.
+#[inline(always)]
+pub(crate) fn is_replaced(settings: &Firefly, value: f32, median: f32) -> bool {
+    settings.plain | (value > settings.threshold * median)
 }
 
 /// An integer whose order is the total order of floating-point numbers.

@@ -1,7 +1,7 @@
 //! Stages 9 and 10 on runs of pixels.
 
 use super::{KernelSize, LOBE_SPREAD};
-use crate::kernels::edge_cpu::{HEADROOM, RUN, Run, mean};
+use crate::kernels::edge_cpu::{RUN, Run};
 use crate::kernels::math::exp_negative;
 use crate::settings::{GlossyBilateral, GlossyRadius};
 
@@ -83,7 +83,7 @@ pub(crate) fn exponents(sigma: f32, radius: &Run) -> Run {
 pub(crate) fn gaussian(offset: f32, exponent: &Run, radius: &Run) -> Run {
     let mut out = [0.0; RUN];
     for i in 0..RUN {
-        let g = exp_negative(offset * offset * exponent[i]) * HEADROOM;
+        let g = exp_negative(offset * offset * exponent[i]);
         out[i] = if offset > radius[i] { 0.0 } else { g };
     }
     out
@@ -116,7 +116,7 @@ pub(crate) fn finish(sums: &[f32], total: &[f32], radius: &[f32], centre: &[f32]
     let n = out.len();
     let (sums, total, radius, centre) = (&sums[..n], &total[..n], &radius[..n], &centre[..n]);
     for i in 0..n {
-        let mean = mean(sums[i], total[i]);
+        let mean = sums[i] / total[i];
         out[i] = if radius[i] > 0.0 { mean } else { centre[i] };
     }
 }

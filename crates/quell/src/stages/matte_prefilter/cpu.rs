@@ -1,6 +1,6 @@
 //! Stages 4 and 7 on runs of pixels: weights before colours.
 
-use crate::kernels::edge_cpu::{HEADROOM, RUN, Run, mean};
+use crate::kernels::edge_cpu::{RUN, Run};
 
 /// Most taps of a spiral (`matte_prefilter.taps`).
 pub(crate) const MOST_TAPS: usize = 64;
@@ -14,22 +14,13 @@ pub(crate) struct Weights {
 
 impl Weights {
     pub fn new() -> Self {
-        Self { taps: [[0.0; RUN]; MOST_TAPS], total: [HEADROOM; RUN] }
-    }
-}
-
-/// A channel of the centre pixels, as the sums begin.
-#[inline(always)]
-pub(crate) fn begin(centre: &[f32], sums: &mut [f32]) {
-    for (sum, c) in sums.iter_mut().zip(centre) {
-        *sum = *c * HEADROOM;
+        Self { taps: [[0.0; RUN]; MOST_TAPS], total: [1.0; RUN] }
     }
 }
 
 /// Adds a tap: from edge weights to weights, and their sum.
 #[inline(always)]
 pub(crate) fn admit(gaussian: f32, weights: &mut [f32], total: &mut [f32]) {
-    let gaussian = gaussian * HEADROOM;
     for (w, sum) in weights.iter_mut().zip(total) {
         *w *= gaussian;
         *sum += *w;
@@ -50,7 +41,7 @@ pub(crate) fn finish(sums: &[f32], total: &[f32], depth: &[f32], centre: &[f32],
     let n = out.len();
     let (sums, total, depth, centre) = (&sums[..n], &total[..n], &depth[..n], &centre[..n]);
     for i in 0..n {
-        let mean = mean(sums[i], total[i]);
+        let mean = sums[i] / total[i];
         out[i] = if depth[i] < f32::INFINITY { mean } else { centre[i] };
     }
 }
