@@ -259,6 +259,33 @@ fn no_denoise_and_quiet_do_what_they_say() {
     assert!(folder.files("out/denoised").is_empty());
 }
 
+/// Odd requests end with a picture or with a message, never with a panic.
+#[test]
+fn extremes_neither_panic_nor_fail() {
+    let folder = Folder::new("extremes");
+    let cases: [&[&str]; 6] = [
+        &["--size", "1x1", "--reference", "2"],
+        &["--size", "1x23", "--reference", "2", "--jitter"],
+        &["--size", "37x1", "--spp", "3", "--bounces", "0"],
+        &["--size", "5x3", "--exposure", "1e-30", "--reference", "2"],
+        &["--size", "5x3", "--exposure", "1e30", "--seed", "18446744073709551615", "--half"],
+        &["--size", "5x3", "--bounces", "4294967295", "--backend", "reference"],
+    ];
+    for (i, case) in cases.iter().enumerate() {
+        let place = format!("out{i}");
+        let mut arguments = vec!["render", "cornell-box", "-o", &place, "--direct-samples", "1", "--frames", "7-8"];
+        arguments.extend(*case);
+        let output = run(&folder.0, &arguments);
+        assert_eq!(output.status.code(), Some(0), "{case:?}: {}", err(&output));
+        assert!(folder.0.join(&place).join("index.html").is_file());
+    }
+    for frame in ["2147483647", "-2147483647"] {
+        let output = run(&folder.0, &["render", "cornell-box", "-o", "ends", "--size", "4x4", "--frames", frame]);
+        assert!(matches!(output.status.code(), Some(0 | 1)), "{frame}: {}", err(&output));
+        assert!(!err(&output).contains("panicked"), "{}", err(&output));
+    }
+}
+
 #[test]
 fn bench_prints_the_papers_table() {
     let folder = Folder::new("bench");
