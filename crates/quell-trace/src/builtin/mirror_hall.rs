@@ -73,7 +73,7 @@ pub(super) fn build() -> Scene {
     scene.place(quad(Vec3::new(X, 0.0, -Z), z * 2.0 * Z, y * Y), wall);
     // Coves along both side walls: a ledge hides a strip that shines at the ceiling, warm on one side, cool on the
     // other.
-    for (side, radiance) in [(-1.0_f32, Vec3::new(175.0, 122.0, 72.0)), (1.0, Vec3::new(75.0, 100.0, 142.0))] {
+    for (side, radiance) in [(-1.0_f32, Vec3::new(44.0, 30.0, 18.0)), (1.0, Vec3::new(19.0, 25.0, 36.0))] {
         let strip = scene.surface(Material { base_color: Vec3::ZERO, emission: radiance, ..Material::default() });
         let inner = side * (X - 0.32);
         let low = Vec3::new(inner.min(side * X), 2.55, -Z);
@@ -83,6 +83,11 @@ pub(super) fn build() -> Scene {
         let x0 = side * (X - 0.16) - 0.05;
         scene.place(quad(Vec3::new(x0, 2.61, 3.6), x * 0.1, -z * 7.2), strip);
     }
+
+    // A laylight: large and soft, so that light reaches nearly every bounce.
+    let laylight =
+        scene.surface(Material { base_color: Vec3::ZERO, emission: Vec3::new(4.6, 4.4, 4.0), ..Material::default() });
+    scene.place(quad(Vec3::new(-1.3, Y - 0.02, -2.6), x * 2.6, z * 5.2), laylight);
 
     // Framed mirrors: panels a little before the walls, of three finishes.
     let panel = |scene: &mut Scene, finish: usize, centre: Vec3, size: Vec2, degrees: f32, tilt: f32| {
