@@ -437,8 +437,8 @@ parameters! {
             higher "On.", lower "The ablation without temporal filters.", source "[S]";
         virtual_reprojection: bool = true, (), "", "History is fetched where the reflected image was, not the surface.",
             higher "On.", lower "The ablation without virtual glossy reprojection: reflections smear.", source "[S]";
-        alpha: f32 = 0.95, 0.0..=0.999, "share of history", "Most that history may count.",
-            higher "Less noise, more smear.", lower "Quicker, noisier.", source "[O] 0.9, 0.98";
+        alpha: f32 = 0.9, 0.0..=0.999, "share of history", "Most that history may count.",
+            higher "Less noise, more smear: every fetch blurs a little.", lower "Quicker, noisier.", source "[O] 0.9, 0.95, 0.98: by measurement, `docs/paper.md`";
         ramp: bool = true, (), "", "History of N frames counts at most N / (N + 1).",
             higher "Quick start.", lower "As in the paper.", source "ours, named departure";
         clip: Clip = Clip::Sigma, (), "", "Clamp of history to the current signal's neighbourhood.",
