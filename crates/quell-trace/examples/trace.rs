@@ -1,7 +1,7 @@
 //! Traces one frame of a built-in scene and writes a tone-mapped PNG, for looking at scenes.
 //!
-//! `cargo run --release -p quell-trace --example trace -- SCENE CAMERA FRAME WIDTHxHEIGHT SAMPLES OUT.png [PLANE]`,
-//! PLANE one of `composite` (default), `direct`, `matte`, `glossy`, `normal`; or `reference` (the full integral) and
+//! `cargo run --release -p quell-trace --example trace -- SCENE CAMERA FRAME WIDTHxHEIGHT SAMPLES OUT.png [PLANE
+//! [DIRECT_SAMPLES]]`, PLANE one of `composite` (default), `direct`, `matte`, `glossy`, `normal`; or `reference` (the full integral) and
 //! `factored` (the frame's own estimators), both with SAMPLES samples.
 
 use quell::{Plane, Rgb, Size};
@@ -11,7 +11,7 @@ use std::time::Instant;
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
     let [scene, camera, frame, size, samples, out, rest @ ..] = arguments.as_slice() else {
-        return Err("usage: trace SCENE CAMERA FRAME WIDTHxHEIGHT SAMPLES OUT.png [PLANE]".into());
+        return Err("usage: trace SCENE CAMERA FRAME WIDTHxHEIGHT SAMPLES OUT.png [PLANE [DIRECT_SAMPLES]]".into());
     };
     let scene = builtin(scene)?;
     let (width, height) = size.split_once('x').ok_or("the size is WIDTHxHEIGHT")?;
@@ -19,7 +19,10 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let start = Instant::now();
     let tracer = Tracer::new(&scene, frame.parse()?, camera.parse()?)?;
     let built = start.elapsed();
-    let options = RenderOptions { samples: samples.parse()?, ..RenderOptions::new(size) };
+    let mut options = RenderOptions { samples: samples.parse()?, ..RenderOptions::new(size) };
+    if let Some(count) = rest.get(1) {
+        options.direct_samples = count.parse()?;
+    }
     let plane = rest.first().map_or("composite", String::as_str);
     let control = Control::default();
     let start = Instant::now();

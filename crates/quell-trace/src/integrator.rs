@@ -10,7 +10,6 @@ use crate::material::MaterialModel;
 use crate::primary::{self, PrimaryReplacement};
 use crate::sampler::Sampler;
 use crate::sources::Sources;
-use crate::warp::ONE_MINUS_EPSILON;
 use crate::world::{SurfacePoint, World};
 use glam::Vec3;
 
@@ -275,35 +274,34 @@ impl Integrator<'_, '_> {
         let (n_light, n_matte, n_glossy) = (count as f32, matte_count as f32, glossy_count as f32);
         let position = point.position;
         let normal = bsdf.normal();
-        let lobes = |wi: Vec3| bsdf.matte(wi) + bsdf.glossy(wi) * glossy_share;
-        let lobe_density = |wi: Vec3| n_matte * bsdf.matte_pdf(wi) + n_glossy * bsdf.glossy_pdf(wi);
+        let lobes = |wi: Vec3| {
+            let matte = bsdf.matte(wi);
+            if glossy_share > 0.0 { matte + bsdf.glossy(wi) * glossy_share } else { matte }
+        };
+        let lobe_density = |wi: Vec3| {
+            let matte = if matte_count > 0 { n_matte * bsdf.matte_pdf(wi) } else { 0.0 };
+            if glossy_count > 0 { matte + n_glossy * bsdf.glossy_pdf(wi) } else { matte }
+        };
 
         let mut sum = Vec3::ZERO;
         let stream = sampler.fork(Domain::DirectLight as u32);
         // The choice among sources runs through 0..1 in step with the samples: each source then gets a run of
         // successive points, which is spread evenly over the source by itself.
-        let station = if count > 1 { self.sources.station(position, normal) } else { None };
         let choice_shift = stream.with_index(pass).next_1d();
-        for i in 0..count {
-            let mut stream = stream.fork(0).with_index(pass.wrapping_mul(count).wrapping_add(i));
-            let place = stream.next_2d();
-            let u = Vec3::new(((i as f32 + choice_shift) / n_light).min(ONE_MINUS_EPSILON), place.x, place.y);
-            let light = match &station {
-                Some(station) => self.sources.sample_from(station, u),
-                None => self.sources.sample(position, normal, u),
-            };
-            let Some(light) = light else { continue };
+        let places = stream.fork(0);
+        let place = |i: u32| places.with_index(pass.wrapping_mul(count).wrapping_add(i)).next_2d();
+        self.sources.sample_many(position, normal, count, choice_shift, place, |light, times| {
             let value = if light.delta { bsdf.matte(light.wi) + bsdf.glossy(light.wi) } else { lobes(light.wi) };
             if value.max_element() <= 0.0 || light.radiance.max_element() <= 0.0 {
-                continue;
+                return;
             }
             rays.shadow += 1;
             if self.world.geometry.occluded(point.ray_origin(light.wi), light.wi, light.distance) {
-                continue;
+                return;
             }
             let density = n_light * light.pdf + if light.delta { 0.0 } else { lobe_density(light.wi) };
-            sum += value * light.radiance * (bsdf.abs_cos(light.wi) / density);
-        }
+            sum += value * light.radiance * (times * bsdf.abs_cos(light.wi) / density);
+        });
 
         let mut follow = |wi: Vec3| {
             let value = lobes(wi);

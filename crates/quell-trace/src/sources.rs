@@ -1,10 +1,10 @@
 //! What lights a world, as the integrator asks for it: emissive triangles found by rays, and light sampling.
 
 use crate::environment::Environment;
-use crate::lights::{Emitter, LightSample, LightSampler, Station};
+use crate::lights::{Emitter, LightSample, LightSampler, Patch};
 use crate::scene::{PointlikeLight, Scene};
-use crate::world::World;
-use glam::Vec3;
+use crate::world::{EmissiveTriangle, World};
+use glam::{Vec2, Vec3};
 use std::sync::Arc;
 
 /// No emitter.
@@ -26,13 +26,18 @@ impl Sources {
     pub(crate) fn new(world: &World<'_>, scene: &Scene) -> Self {
         let mut emitters = Vec::with_capacity(world.emissive.len() + world.lights.len() + 1);
         let mut emitter_of = if world.emissive.is_empty() { Vec::new() } else { vec![NONE; world.geometry.len()] };
-        for triangle in &world.emissive {
-            emitter_of[triangle.triangle as usize] = emitters.len() as u32;
-            emitters.push(Emitter::Triangle {
-                vertices: triangle.corners,
-                radiance: triangle.radiance,
-                two_sided: triangle.two_sided,
+        let mut rest = world.emissive.as_slice();
+        while let Some(first) = rest.first() {
+            let (count, patch) = leading_patch(rest);
+            for triangle in &rest[..count] {
+                emitter_of[triangle.triangle as usize] = emitters.len() as u32;
+            }
+            let EmissiveTriangle { corners, radiance, two_sided, .. } = *first;
+            emitters.push(match patch {
+                Some(patch) => Emitter::Patch { patch, radiance, two_sided },
+                None => Emitter::Triangle { vertices: corners, radiance, two_sided },
             });
+            rest = &rest[count..];
         }
         for light in &world.lights {
             emitters.push(match *light {
@@ -97,22 +102,29 @@ impl Sources {
         self.finish(self.sampler.sample(point, normal, u)?)
     }
 
-    /// For many samples from one point; `None` where there are too many sources to look at each.
-    pub(crate) fn station(&self, point: Vec3, normal: Vec3) -> Option<Station<'_>> {
-        self.sampler.station(point, normal)
-    }
-
-    /// [`Sources::sample`] from a station.
-    #[inline]
-    pub(crate) fn sample_from(&self, station: &Station<'_>, u: Vec3) -> Option<LightSample> {
-        self.finish(station.sample(u)?)
-    }
-
     fn finish(&self, mut sample: LightSample) -> Option<LightSample> {
         if sample.emitter_index == self.environment_index {
             sample.radiance *= self.environment_scale;
         }
         (sample.pdf > 0.0 && sample.pdf.is_finite()).then_some(sample)
+    }
+
+    /// [`LightSampler::sample_many`] of these sources.
+    #[inline]
+    pub(crate) fn sample_many(
+        &self,
+        point: Vec3,
+        normal: Vec3,
+        count: u32,
+        shift: f32,
+        place: impl FnMut(u32) -> Vec2,
+        mut take: impl FnMut(LightSample, f32),
+    ) {
+        self.sampler.sample_many(point, normal, count, shift, place, |sample, times| {
+            if let Some(sample) = self.finish(sample) {
+                take(sample, times);
+            }
+        });
     }
 
     /// Density with which [`Sources::sample`] finds an emissive triangle that the direction meets.
@@ -133,3 +145,33 @@ impl Sources {
         }
     }
 }
+
+/// How many of the first triangles make up one flat lamp, and that lamp where they are several: as many as follow each
+/// other in the scene, share edges, lie in one plane and shine alike.
+fn leading_patch(triangles: &[EmissiveTriangle]) -> (usize, Option<Patch>) {
+    let Some(first) = triangles.first() else { return (0, None) };
+    let plane_normal = |[a, b, c]: [Vec3; 3]| (b - a).cross(c - a).normalize_or_zero();
+    let normal = plane_normal(first.corners);
+    let mut joined = vec![first.corners];
+    for next in &triangles[1..] {
+        let alike = next.radiance == first.radiance && next.two_sided == first.two_sided;
+        // Cheap tests first: `Patch::new` has the last word.
+        let shares_edge = |t: &[Vec3; 3]| t.iter().filter(|v| next.corners.contains(v)).count() == 2;
+        let faces_same_way = || plane_normal(next.corners).dot(normal) > SAME_PLANE_COS;
+        if joined.len() == Patch::MAX_TRIANGLES || !alike || !joined.iter().any(shares_edge) || !faces_same_way() {
+            break;
+        }
+        joined.push(next.corners);
+    }
+    // A strip that bends slowly is flat at its beginning only.
+    while joined.len() > 1 {
+        if let Some(patch) = Patch::new(&joined) {
+            return (joined.len(), Some(patch));
+        }
+        joined.pop();
+    }
+    (1, None)
+}
+
+/// Cosine above which two triangles may lie in one plane.
+const SAME_PLANE_COS: f32 = 0.9999;

@@ -69,7 +69,7 @@ impl RenderOptions {
             bounces: 3,
             seed: 0,
             estimator: Estimator::Exact,
-            direct_samples: 32,
+            direct_samples: 64,
             jitter: false,
             indirect_clamp: 0.0,
             model: MaterialModel::default(),

@@ -120,14 +120,14 @@ fn walls(scene: &mut Scene) {
         ]),
         white,
     );
-    // Dusk: a panel of sky behind the window.
+    // Dusk: a panel of sky that just fills the opening, so that few shadow rays to it end at the wall.
     let sky = scene.surface(Material {
         base_color: Vec3::ZERO,
         emission: rgb(7.5, 11.5, 19.0),
         roughness: 1.0,
         ..Material::default()
     });
-    scene.place(quad(Vec3::new(X + 0.45, y0 - 0.3, z0 - 0.5), z * (z1 - z0 + 1.0), y * (y1 - y0 + 1.1)), sky);
+    scene.place(quad(Vec3::new(X + reveal, y0, z0), z * (z1 - z0), y * (y1 - y0)), sky);
 
     let skirting = |a: Vec3, b: Vec3| cuboid(a.min(b), a.max(b));
     let (h, d) = (0.11, 0.02);

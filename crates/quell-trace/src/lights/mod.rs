@@ -3,12 +3,17 @@
 //! Finite sources lie in a tree of bounds, which is descended by estimated irradiance; infinite ones are a
 //! list. Which of the two is asked is decided by the irradiance that each is expected to give at the point.
 
+mod patch;
 mod tree;
 mod triangle;
+
+pub use patch::Patch;
 
 use crate::environment::Environment;
 use crate::material::channel_mean;
 use glam::{Vec2, Vec3};
+use patch::PatchView;
+use std::ops::Range;
 use std::sync::Arc;
 use tree::{LightBounds, LightTree};
 use triangle::TriangleView;
@@ -20,6 +25,15 @@ pub enum Emitter {
     Triangle {
         /// World space.
         vertices: [Vec3; 3],
+        /// Emitted radiance.
+        radiance: Vec3,
+        /// Whether the back side emits as well.
+        two_sided: bool,
+    },
+    /// Several triangles in one plane, sampled as one.
+    Patch {
+        /// World space.
+        patch: Patch,
         /// Emitted radiance.
         radiance: Vec3,
         /// Whether the back side emits as well.
@@ -79,53 +93,6 @@ pub struct LightSample {
 /// Bounds of the probability of asking the infinite sources where both kinds exist and may shine: the estimates know
 /// nothing of shadows.
 const INFINITE_PROBABILITY: std::ops::RangeInclusive<f32> = 0.1..=0.9;
-
-/// Emitters up to which [`LightSampler::station`] looks at each: more are cheaper to find by the tree.
-const STATION_EMITTERS: usize = 16;
-
-/// A [`LightSampler`] at one point.
-pub(crate) struct Station<'a> {
-    sampler: &'a LightSampler,
-    point: Vec3,
-    normal: Vec3,
-    stops: Vec<Stop>,
-}
-
-/// An emitter that can be chosen at a point.
-struct Stop {
-    index: usize,
-    /// Its probability, and the sum up to and with it.
-    share: f32,
-    end: f32,
-    /// Triangles only.
-    view: Option<TriangleView>,
-}
-
-impl Station<'_> {
-    /// [`LightSampler::sample`] with the same densities; `u.x` runs through the emitters in their order.
-    pub(crate) fn sample(&self, u: Vec3) -> Option<LightSample> {
-        let stop = self.stops.iter().find(|s| u.x < s.end)?;
-        let place = Vec2::new(u.y, u.z);
-        match &self.sampler.emitters[stop.index] {
-            Emitter::Triangle { radiance, .. } => {
-                let sample = stop.view.as_ref()?.sample(place)?;
-                Some(LightSample {
-                    wi: sample.wi,
-                    distance: sample.distance,
-                    radiance: *radiance,
-                    pdf: stop.share * sample.pdf,
-                    delta: false,
-                    emitter_index: stop.index,
-                    barycentrics: sample.barycentrics,
-                })
-            }
-            Emitter::Directional { .. } | Emitter::Environment(_) => {
-                self.sampler.sample_infinite(stop.index, self.normal, place, stop.share)
-            }
-            _ => self.sampler.sample_finite(stop.index, self.point, place, stop.share),
-        }
-    }
-}
 
 /// Draws directions towards light.
 #[derive(Clone, Debug)]
@@ -222,6 +189,14 @@ impl LightSampler {
                 let Some(view) = TriangleView::new(vertices, *two_sided, reference_point) else { return 0.0 };
                 (1.0 - infinite_probability()) * share * view.pdf(wi)
             }
+            Emitter::Patch { patch, two_sided, .. } => {
+                let share = self.tree.probability(reference_point, normal, emitter_index);
+                if share <= 0.0 {
+                    return 0.0;
+                }
+                let Some(view) = PatchView::new(patch, *two_sided, reference_point) else { return 0.0 };
+                (1.0 - infinite_probability()) * share * view.pdf(wi)
+            }
             Emitter::Environment(environment) => {
                 let share = self.infinite_share(normal, emitter_index);
                 if share <= 0.0 {
@@ -231,36 +206,6 @@ impl LightSampler {
             }
             Emitter::Point { .. } | Emitter::Spot { .. } | Emitter::Directional { .. } => 0.0,
         }
-    }
-
-    /// All that sampling from one point needs, worked out once: for many samples of few emitters. `None` where there are
-    /// more than [`STATION_EMITTERS`].
-    pub(crate) fn station(&self, reference_point: Vec3, normal: Vec3) -> Option<Station<'_>> {
-        if self.emitters.len() > STATION_EMITTERS {
-            return None;
-        }
-        let infinite_probability = self.infinite_probability(reference_point, normal);
-        let mut stops = Vec::with_capacity(self.emitters.len());
-        let mut end = 0.0;
-        for (index, emitter) in self.emitters.iter().enumerate() {
-            let infinite = matches!(emitter, Emitter::Directional { .. } | Emitter::Environment(_));
-            let share = if infinite {
-                infinite_probability * self.infinite_share(normal, index)
-            } else {
-                (1.0 - infinite_probability) * self.tree.probability(reference_point, normal, index)
-            };
-            if share > 0.0 {
-                let view = match emitter {
-                    Emitter::Triangle { vertices, two_sided, .. } => {
-                        TriangleView::new(vertices, *two_sided, reference_point)
-                    }
-                    _ => None,
-                };
-                end += share;
-                stops.push(Stop { index, share, end, view });
-            }
-        }
-        Some(Station { sampler: self, point: reference_point, normal, stops })
     }
 
     /// Probability of asking the infinite sources.
@@ -347,42 +292,133 @@ impl LightSampler {
         }
     }
 
-    fn sample_finite(&self, emitter_index: usize, from: Vec3, u: Vec2, selection: f32) -> Option<LightSample> {
-        let point_light = |position: Vec3, intensity: Vec3| {
-            let to_light = position - from;
-            let distance = to_light.length();
-            let radiance = intensity / (distance * distance);
-            (distance > 0.0 && radiance.is_finite() && radiance != Vec3::ZERO).then(|| LightSample {
-                wi: to_light / distance,
-                distance,
-                radiance,
-                pdf: selection,
-                delta: true,
-                emitter_index,
-                barycentrics: Vec3::ZERO,
-            })
-        };
+    /// `None` where no light of the emitter reaches the point.
+    fn view_finite(&self, emitter_index: usize, from: Vec3) -> Option<FiniteView<'_>> {
         match &self.emitters[emitter_index] {
             Emitter::Triangle { vertices, radiance, two_sided } => {
-                let sample = TriangleView::new(vertices, *two_sided, from)?.sample(u)?;
-                Some(LightSample {
-                    wi: sample.wi,
-                    distance: sample.distance,
-                    radiance: *radiance,
-                    pdf: selection * sample.pdf,
-                    delta: false,
-                    emitter_index,
-                    barycentrics: sample.barycentrics,
-                })
+                Some(FiniteView::Triangle(TriangleView::new(vertices, *two_sided, from)?, *radiance))
             }
-            Emitter::Point { position, intensity } => point_light(*position, *intensity),
+            Emitter::Patch { patch, radiance, two_sided } => {
+                Some(FiniteView::Patch(PatchView::new(patch, *two_sided, from)?, *radiance))
+            }
+            Emitter::Point { position, intensity } => FiniteView::point(from, *position, *intensity),
             Emitter::Spot { position, direction, intensity, inner_angle, outer_angle } => {
                 let from_light = (from - *position).try_normalize()?;
                 let falloff = spot_falloff(from_light.dot(*direction), *inner_angle, *outer_angle);
-                point_light(*position, *intensity * falloff)
+                FiniteView::point(from, *position, *intensity * falloff)
             }
             Emitter::Directional { .. } | Emitter::Environment(_) => None,
         }
+    }
+
+    fn sample_finite(&self, emitter_index: usize, from: Vec3, u: Vec2, selection: f32) -> Option<LightSample> {
+        self.view_finite(emitter_index, from)?.sample(emitter_index, u, selection)
+    }
+
+    /// `count` samples as [`Self::sample`] draws them with choices (i + `shift`) / `count` for i from 0 and places
+    /// `place(i)`, but for a fraction of the price: the choice is made once for all. `take` is handed each sample and
+    /// how many times it counts: all samples of a delta light are one.
+    ///
+    /// Each source gets a run of successive i, whose length is `count` times its probability but for rounding.
+    pub fn sample_many(
+        &self,
+        reference_point: Vec3,
+        normal: Vec3,
+        count: u32,
+        shift: f32,
+        mut place: impl FnMut(u32) -> Vec2,
+        mut take: impl FnMut(LightSample, f32),
+    ) {
+        let n = f64::from(count);
+        // The first i whose choice is at least `u`.
+        let first = |u: f64| (u * n - f64::from(shift)).ceil().clamp(0.0, n) as u32;
+        let infinite_probability = self.infinite_probability(reference_point, normal);
+        if infinite_probability > 0.0 {
+            let total: f32 = self.infinite.iter().map(|&(i, power)| self.infinite_irradiance(i, power, normal)).sum();
+            let mut end = 0.0;
+            for &(emitter_index, power) in &self.infinite {
+                let start = end;
+                let selection = infinite_probability * (self.infinite_irradiance(emitter_index, power, normal) / total);
+                end += f64::from(selection);
+                let run = first(start)..first(end);
+                if matches!(self.emitters[emitter_index], Emitter::Directional { .. }) {
+                    if let (false, Some(sample)) =
+                        (run.is_empty(), self.sample_infinite(emitter_index, normal, Vec2::ZERO, selection))
+                    {
+                        take(sample, run.len() as f32);
+                    }
+                } else {
+                    for i in run {
+                        if let Some(sample) = self.sample_infinite(emitter_index, normal, place(i), selection) {
+                            take(sample, 1.0);
+                        }
+                    }
+                }
+            }
+        }
+        if infinite_probability < 1.0 {
+            let span = f64::from(infinite_probability)..1.0;
+            self.tree.runs(reference_point, normal, span, &first, &mut |emitter_index, share, run: Range<u32>| {
+                let selection = (1.0 - infinite_probability) * share;
+                let Some(view) = self.view_finite(emitter_index, reference_point) else { return };
+                if matches!(view, FiniteView::Point { .. }) {
+                    if let Some(sample) = view.sample(emitter_index, Vec2::ZERO, selection) {
+                        take(sample, run.len() as f32);
+                    }
+                    return;
+                }
+                for i in run {
+                    if let Some(sample) = view.sample(emitter_index, place(i), selection) {
+                        take(sample, 1.0);
+                    }
+                }
+            });
+        }
+    }
+}
+
+/// A finite emitter as seen from a point.
+enum FiniteView<'a> {
+    Triangle(TriangleView, Vec3),
+    Patch(PatchView<'a>, Vec3),
+    Point { wi: Vec3, distance: f32, radiance: Vec3 },
+}
+
+impl FiniteView<'_> {
+    fn point(from: Vec3, position: Vec3, intensity: Vec3) -> Option<Self> {
+        let to_light = position - from;
+        let distance = to_light.length();
+        let radiance = intensity / (distance * distance);
+        let shines = distance > 0.0 && radiance.is_finite() && radiance != Vec3::ZERO;
+        shines.then(|| Self::Point { wi: to_light / distance, distance, radiance })
+    }
+
+    #[inline]
+    fn sample(&self, emitter_index: usize, u: Vec2, selection: f32) -> Option<LightSample> {
+        let (sample, radiance) = match self {
+            Self::Triangle(view, radiance) => (view.sample(u)?, *radiance),
+            Self::Patch(view, radiance) => (view.sample(u)?, *radiance),
+            Self::Point { wi, distance, radiance } => {
+                return Some(LightSample {
+                    wi: *wi,
+                    distance: *distance,
+                    radiance: *radiance,
+                    pdf: selection,
+                    delta: true,
+                    emitter_index,
+                    barycentrics: Vec3::ZERO,
+                });
+            }
+        };
+        Some(LightSample {
+            wi: sample.wi,
+            distance: sample.distance,
+            radiance,
+            pdf: selection * sample.pdf,
+            delta: false,
+            emitter_index,
+            barycentrics: sample.barycentrics,
+        })
     }
 }
 
@@ -411,6 +447,18 @@ fn bounds_of(emitter: &Emitter) -> Option<LightBounds> {
                 emission: FRAC_PI_2,
                 two_sided: *two_sided,
                 intensity: channel_mean(*radiance) * 0.5 * cross.length(),
+            }
+        }
+        Emitter::Patch { patch, radiance, two_sided } => {
+            let (low, high) = patch.bounds();
+            LightBounds {
+                low,
+                high,
+                axis: patch.normal(),
+                spread: 0.0,
+                emission: FRAC_PI_2,
+                two_sided: *two_sided,
+                intensity: channel_mean(*radiance) * patch.area(),
             }
         }
         Emitter::Point { position, intensity } => LightBounds {

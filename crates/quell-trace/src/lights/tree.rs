@@ -6,6 +6,7 @@
 
 use glam::Vec3;
 use std::f32::consts::PI;
+use std::ops::Range;
 
 /// Where a group of emitters is, and where it shines to.
 #[derive(Clone, Copy, Debug)]
@@ -320,6 +321,49 @@ impl LightTree {
                     }
                     u = u.clamp(0.0, crate::warp::ONE_MINUS_EPSILON);
                 }
+            }
+        }
+    }
+
+    /// The choices of [`Self::sample`] for many numbers at once: hands out each emitter whose part of `span` holds
+    /// some, with the emitter's probability and its run of them. `first` gives the first number that is at least its
+    /// argument.
+    pub(crate) fn runs(
+        &self,
+        point: Vec3,
+        normal: Vec3,
+        span: Range<f64>,
+        first: &impl Fn(f64) -> u32,
+        take: &mut impl FnMut(usize, f32, Range<u32>),
+    ) {
+        if self.can_shine(point, normal) {
+            self.runs_below(0, 1.0, point, normal, span, first, take);
+        }
+    }
+
+    #[expect(clippy::too_many_arguments, reason = "a recursion that carries its state")]
+    fn runs_below(
+        &self,
+        place: usize,
+        probability: f32,
+        point: Vec3,
+        normal: Vec3,
+        span: Range<f64>,
+        first: &impl Fn(f64) -> u32,
+        take: &mut impl FnMut(usize, f32, Range<u32>),
+    ) {
+        let run = first(span.start)..first(span.end);
+        if run.is_empty() || probability <= 0.0 {
+            return;
+        }
+        match self.nodes[place].link {
+            Link::Emitter(emitter) => take(emitter as usize, probability, run),
+            Link::Children(second) => {
+                let second = second as usize;
+                let Some(p) = self.first_probability(place + 1, second, point, normal) else { return };
+                let middle = span.start + (span.end - span.start) * f64::from(p);
+                self.runs_below(place + 1, probability * p, point, normal, span.start..middle, first, take);
+                self.runs_below(second, probability * (1.0 - p), point, normal, middle..span.end, first, take);
             }
         }
     }

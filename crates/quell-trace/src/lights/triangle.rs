@@ -6,10 +6,10 @@ use glam::{DVec3, Vec2, Vec3};
 
 /// Solid angle in steradians below which the triangle is sampled by area. Then it is under 2 degrees wide, and both
 /// densities are nearly equal; the spherical construction would lose its digits.
-const MIN_SPHERICAL_SOLID_ANGLE: f64 = 1e-3;
+pub(super) const MIN_SPHERICAL_SOLID_ANGLE: f64 = 1e-3;
 
 /// Solid angle above which, too: the point nearly lies in the triangle.
-const MAX_SPHERICAL_SOLID_ANGLE: f64 = 6.2;
+pub(super) const MAX_SPHERICAL_SOLID_ANGLE: f64 = 6.2;
 
 /// A triangle seen from a point on a side that emits.
 pub(crate) struct TriangleView {
@@ -46,7 +46,6 @@ impl TriangleView {
     }
 
     /// Steradians that the triangle covers.
-    #[cfg(test)]
     pub(crate) fn solid_angle(&self) -> f64 {
         self.solid_angle
     }
@@ -71,22 +70,30 @@ impl TriangleView {
     }
 
     pub(crate) fn sample(&self, u: Vec2) -> Option<TriangleSample> {
+        if self.is_spherical() {
+            return self.sample_by_solid_angle(u);
+        }
         let [a, b, c] = self.vertices;
-        let (wi, barycentrics) = if self.is_spherical() {
-            let wi = self.sample_direction(u);
-            let distance = a.dot(self.cross) / wi.dot(self.cross);
-            let hit = wi * distance;
-            let norm = self.cross.length_squared();
-            let wb = (hit - a).cross(c - a).dot(self.cross) / norm;
-            let wc = (b - a).cross(hit - a).dot(self.cross) / norm;
-            let (wb, wc) = (wb.clamp(0.0, 1.0), wc.clamp(0.0, 1.0));
-            (wi, DVec3::new((1.0 - wb - wc).max(0.0), wb, wc))
-        } else {
-            let weights = warp::uniform_triangle(u).as_dvec3();
-            let hit = a * weights.x + b * weights.y + c * weights.z;
-            (hit.try_normalize()?, weights)
-        };
+        let barycentrics = warp::uniform_triangle(u).as_dvec3();
+        let hit = a * barycentrics.x + b * barycentrics.y + c * barycentrics.z;
+        let wi = hit.try_normalize()?;
+        self.finish(wi, a.dot(self.cross) / wi.dot(self.cross), barycentrics)
+    }
+
+    /// [`Self::sample`] by solid angle, however small the triangle looks; its density is then the caller's to know.
+    pub(super) fn sample_by_solid_angle(&self, u: Vec2) -> Option<TriangleSample> {
+        let [a, b, c] = self.vertices;
+        let wi = self.sample_direction(u);
         let distance = a.dot(self.cross) / wi.dot(self.cross);
+        let hit = wi * distance;
+        let norm = self.cross.length_squared();
+        let wb = (hit - a).cross(c - a).dot(self.cross) / norm;
+        let wc = (b - a).cross(hit - a).dot(self.cross) / norm;
+        let (wb, wc) = (wb.clamp(0.0, 1.0), wc.clamp(0.0, 1.0));
+        self.finish(wi, distance, DVec3::new((1.0 - wb - wc).max(0.0), wb, wc))
+    }
+
+    fn finish(&self, wi: DVec3, distance: f64, barycentrics: DVec3) -> Option<TriangleSample> {
         let wi = wi.as_vec3().normalize();
         let pdf = self.pdf(wi);
         (distance > 0.0 && distance.is_finite() && pdf > 0.0 && pdf.is_finite()).then(|| TriangleSample {

@@ -1,7 +1,7 @@
 //! What the estimators converge to.
 
 use crate::scenes::{closed_box, lambert, lamp_over, sphere_under_constant_light};
-use glam::{Vec2, Vec3};
+use glam::{Affine3A, Quat, Vec2, Vec3};
 use quell::{Plane, Rgb, Size};
 use quell_trace::bsdf::{Bsdf, Lobe, directional_albedo};
 use quell_trace::{
@@ -89,6 +89,44 @@ fn a_lamp_in_a_glossy_floor_is_counted_once() {
             agree(&format!("roughness {roughness}, metallic {metallic}"), &scene, &RenderOptions::new(size), 400);
         }
     }
+}
+
+/// Two lamps, of which a board hides parts.
+fn penumbrae() -> Scene {
+    let mut scene = lamp_over(lambert(Vec3::splat(0.6), Vec3::ZERO));
+    let board = scene.surface(lambert(Vec3::splat(0.3), Vec3::ZERO));
+    scene.place(shapes::quad(Vec3::new(-0.3, 0.6, -0.2), Vec3::X * 0.7, Vec3::NEG_Z * 0.7), board);
+    let lamp = scene.surface(lambert(Vec3::ZERO, Vec3::new(2.0, 4.0, 6.0)));
+    let rim = |y: f32| shapes::lathe(&[Vec2::new(0.3, y), Vec2::new(0.0, y)], 16, false);
+    let down = Affine3A::from_rotation_translation(Quat::from_rotation_x(3.0), Vec3::new(1.2, 1.4, 0.0));
+    scene.place(shapes::transformed(rim(0.0), down), lamp);
+    scene
+}
+
+#[test]
+fn lamps_of_many_triangles_in_half_shadow_are_unbiased() {
+    agree("penumbrae", &penumbrae(), &RenderOptions::new(Size::new(20, 12)), 400);
+}
+
+#[test]
+fn noise_of_the_direct_term_falls_faster_than_that_of_independent_rays() {
+    let scene = penumbrae();
+    let tracer = Tracer::new(&scene, 0, 1).unwrap();
+    let direct = |direct_samples: u32, seed: u64| {
+        let options = RenderOptions { direct_samples, seed, ..RenderOptions::new(Size::new(48, 27)) };
+        tracer.render(&options, &Control::default()).unwrap().frame.direct.unwrap()
+    };
+    let truth = direct(1024, 7);
+    let squared_error = |count: u32| {
+        let found = direct(count, 3);
+        let pairs = found.data().iter().zip(truth.data());
+        pairs.map(|(a, b)| f64::from((Vec3::from(*a) - Vec3::from(*b)).length_squared())).sum::<f64>()
+    };
+    let errors = [4, 16, 64].map(squared_error);
+    let (first, second) = (errors[0] / errors[1], errors[1] / errors[2]);
+    println!("four times the rays: {first:.1} and {second:.1} times less squared error");
+    // Independent rays: 4. Edges seen through a (0, 2)-sequence: 4^1.5 = 8.
+    assert!(first > 5.5 && second > 5.5, "{first} {second}");
 }
 
 #[test]
@@ -203,6 +241,19 @@ fn the_full_material_under_constant_light_shows_its_directional_albedo() {
         }
         for sum in sums {
             assert!((sum / expected_sum - 1.0).abs() < 1e-3, "roughness {roughness}: {sum} {expected_sum}");
+        }
+    }
+}
+
+#[test]
+fn tmp_box() {
+    let scene = closed_box(0.6, 0.5);
+    for seed in 0..4 {
+        for samples in [1024, 8192] {
+            let options = RenderOptions { bounces: 0, seed, direct_samples: 2, ..RenderOptions::new(Size::new(16, 9)) };
+            let f = reference(&scene, &options, ReferenceKind::Factored, samples);
+            let v = mean(&f.variance).x / 144.0;
+            println!("{seed} {samples} {} +- {}", mean(&f.beauty).x / 0.8 - 1.0, v.sqrt() / 0.8);
         }
     }
 }
