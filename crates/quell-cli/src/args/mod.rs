@@ -167,7 +167,7 @@ pub struct SamplingArgs {
     #[arg(long, value_name = "N", default_value = "0")]
     pub seed: u64,
     /// Shadow rays a pixel of the direct light
-    #[arg(long, value_name = "N", default_value = "16", value_parser = values::at_least_one::<u32>)]
+    #[arg(long, value_name = "N", default_value = "64", value_parser = values::at_least_one::<u32>)]
     pub direct_samples: u32,
     /// Move the samples within the pixel from frame to frame; stage 11 then smooths edges
     #[arg(long)]

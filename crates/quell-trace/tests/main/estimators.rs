@@ -27,9 +27,10 @@ fn a_closed_box_has_the_sum_of_the_traced_bounces() {
         let expected: f32 = (0..=bounces + 1).map(|k| emission * albedo.powi(k as i32)).sum();
         let options = RenderOptions { bounces, direct_samples: 2, ..RenderOptions::new(Size::new(16, 9)) };
         for kind in [ReferenceKind::Factored, ReferenceKind::FullIntegral] {
-            let found = mean(&reference(&scene, &options, kind, 1024).beauty);
+            // Two rays a sample among six lamps: independent samples would err by 0.9e-3.
+            let found = mean(&reference(&scene, &options, kind, 2048).beauty);
             assert!(
-                (found / expected - 1.0).abs().max_element() < 1e-3,
+                (found / expected - 1.0).abs().max_element() < 2e-3,
                 "{kind:?}, {bounces} bounces: {found} instead of {expected}"
             );
         }
@@ -241,19 +242,6 @@ fn the_full_material_under_constant_light_shows_its_directional_albedo() {
         }
         for sum in sums {
             assert!((sum / expected_sum - 1.0).abs() < 1e-3, "roughness {roughness}: {sum} {expected_sum}");
-        }
-    }
-}
-
-#[test]
-fn tmp_box() {
-    let scene = closed_box(0.6, 0.5);
-    for seed in 0..4 {
-        for samples in [1024, 8192] {
-            let options = RenderOptions { bounces: 0, seed, direct_samples: 2, ..RenderOptions::new(Size::new(16, 9)) };
-            let f = reference(&scene, &options, ReferenceKind::Factored, samples);
-            let v = mean(&f.variance).x / 144.0;
-            println!("{seed} {samples} {} +- {}", mean(&f.beauty).x / 0.8 - 1.0, v.sqrt() / 0.8);
         }
     }
 }
