@@ -1,19 +1,72 @@
 //! Boxes for the colour clamp (`clip.rs`) of a run of pixels: least and greatest values, or sums, down columns first,
 //! then along rows.
 
-use super::math::{three, ycocg_from_rgb};
+use super::math::ycocg_from_rgb;
 use super::reproject_cpu::{LANES, Lanes3};
 use crate::cpu::layout::{Colours, Phases, channel};
 use crate::kernels::spiral::PERIOD;
 
-/// Lanes with one more on either side: windows reach at most [`PERIOD`] columns.
-const PADDED: usize = LANES + 2;
+/// Lanes with one more on either side (windows reach at most [`PERIOD`] columns), filled up to whole vectors.
+const PADDED: usize = LANES + 16;
+type Padded = [f32; PADDED];
+
+/// One row's colours, YCoCg, and depths around a block of pixels of one phase.
+struct Line {
+    colour: [Padded; 3],
+    /// +inf: does not count.
+    depth: Padded,
+}
+
+impl Line {
+    #[inline(always)]
+    fn new() -> Self {
+        Self { colour: [[0.0; PADDED]; 3], depth: [f32::INFINITY; PADDED] }
+    }
+
+    /// Pixels `first - 1` up to `first + LANES` of a phase; false where there are none. `depth`: of the whole image;
+    /// `None`: all pixels count.
+    #[inline(always)]
+    fn load(
+        &mut self,
+        phases: &Phases,
+        current: &Colours,
+        depth: Option<&[f32]>,
+        (y, first): (usize, usize),
+        phase: usize,
+    ) -> bool {
+        let width = phases.size.width;
+        let begin = first.saturating_sub(1);
+        let end = (first + LANES + 1).min(phases.count(phase));
+        if begin >= end {
+            return false;
+        }
+        let (n, lane) = (end - begin, begin + 1 - first);
+        let at = phases.range(phase).start + begin;
+        let row = current.row(width, y);
+        let mut rgb = [[0.0; PADDED]; 3];
+        for c in 0..3 {
+            rgb[c][lane..][..n].copy_from_slice(&channel(row, width, 0, c)[at..][..n]);
+        }
+        self.depth = [f32::INFINITY; PADDED];
+        match depth {
+            Some(depth) => self.depth[lane..][..n].copy_from_slice(&depth[y * width + at..][..n]),
+            None => self.depth[lane..][..n].fill(0.0),
+        }
+        for i in 0..PADDED {
+            let c = ycocg_from_rgb([rgb[0][i], rgb[1][i], rgb[2][i]]);
+            self.colour[0][i] = c[0];
+            self.colour[1][i] = c[1];
+            self.colour[2][i] = c[2];
+        }
+        true
+    }
+}
 
 /// Least and greatest values, YCoCg, of the columns around a block of `LANES` pixels of each phase.
 #[derive(Debug)]
 pub(crate) struct Columns {
-    low: [[[f32; PADDED]; 3]; PERIOD],
-    high: [[[f32; PADDED]; 3]; PERIOD],
+    low: [[Padded; 3]; PERIOD],
+    high: [[Padded; 3]; PERIOD],
 }
 
 impl Columns {
@@ -32,35 +85,22 @@ impl Columns {
         (y, first): (usize, usize),
         radius: usize,
     ) {
-        let (width, height) = (phases.size.width, phases.size.height);
+        let rows = y.saturating_sub(radius)..(y + radius + 1).min(phases.size.height);
+        let mut line = Line::new();
         for phase in 0..PERIOD {
             let (low, high) = (&mut self.low[phase], &mut self.high[phase]);
             *low = [[f32::INFINITY; PADDED]; 3];
             *high = [[f32::NEG_INFINITY; PADDED]; 3];
-            let begin = first.saturating_sub(1);
-            let end = (first + LANES + 1).min(phases.count(phase));
-            if begin >= end {
-                continue;
-            }
-            let (n, lane) = (end - begin, begin + 1 - first);
-            let at = phases.range(phase).start + begin;
-            for ty in y.saturating_sub(radius)..(y + radius + 1).min(height) {
-                let row = current.row(width, ty);
-                let [r, g, b] = three(|c| &channel(row, width, 0, c)[at..][..n]);
-                let depth = depth.map(|d| &d[ty * width + at..][..n]);
-                let [l0, l1, l2] = &mut *low;
-                let [h0, h1, h2] = &mut *high;
-                let [l0, l1, l2] = [&mut l0[lane..][..n], &mut l1[lane..][..n], &mut l2[lane..][..n]];
-                let [h0, h1, h2] = [&mut h0[lane..][..n], &mut h1[lane..][..n], &mut h2[lane..][..n]];
-                for i in 0..n {
-                    let c = ycocg_from_rgb([r[i], g[i], b[i]]);
-                    let counts = depth.is_none_or(|d| d[i] < f32::INFINITY);
-                    l0[i] = if counts & (c[0] < l0[i]) { c[0] } else { l0[i] };
-                    l1[i] = if counts & (c[1] < l1[i]) { c[1] } else { l1[i] };
-                    l2[i] = if counts & (c[2] < l2[i]) { c[2] } else { l2[i] };
-                    h0[i] = if counts & (c[0] > h0[i]) { c[0] } else { h0[i] };
-                    h1[i] = if counts & (c[1] > h1[i]) { c[1] } else { h1[i] };
-                    h2[i] = if counts & (c[2] > h2[i]) { c[2] } else { h2[i] };
+            for ty in rows.clone() {
+                if !line.load(phases, current, depth, (ty, first), phase) {
+                    continue;
+                }
+                for c in 0..3 {
+                    for i in 0..PADDED {
+                        let (value, counts) = (line.colour[c][i], line.depth[i] < f32::INFINITY);
+                        low[c][i] = if counts & (value < low[c][i]) { value } else { low[c][i] };
+                        high[c][i] = if counts & (value > high[c][i]) { value } else { high[c][i] };
+                    }
                 }
             }
         }
@@ -91,7 +131,7 @@ impl Columns {
 #[derive(Debug)]
 pub(crate) struct Moments {
     /// Three sums, three sums of squares, the number.
-    sums: [[[f32; PADDED]; 7]; PERIOD],
+    sums: [[Padded; 7]; PERIOD],
 }
 
 impl Moments {
@@ -109,36 +149,24 @@ impl Moments {
         (y, first): (usize, usize),
         radius: usize,
     ) {
-        let (width, height) = (phases.size.width, phases.size.height);
+        let rows = y.saturating_sub(radius)..(y + radius + 1).min(phases.size.height);
+        let mut line = Line::new();
         for phase in 0..PERIOD {
             let sums = &mut self.sums[phase];
             *sums = [[0.0; PADDED]; 7];
-            let begin = first.saturating_sub(1);
-            let end = (first + LANES + 1).min(phases.count(phase));
-            if begin >= end {
-                continue;
-            }
-            let (n, lane) = (end - begin, begin + 1 - first);
-            let at = phases.range(phase).start + begin;
-            let [s0, s1, s2, q0, q1, q2, count] = sums;
-            let [s0, s1, s2] = [&mut s0[lane..][..n], &mut s1[lane..][..n], &mut s2[lane..][..n]];
-            let [q0, q1, q2] = [&mut q0[lane..][..n], &mut q1[lane..][..n], &mut q2[lane..][..n]];
-            let count = &mut count[lane..][..n];
-            for ty in y.saturating_sub(radius)..(y + radius + 1).min(height) {
-                let row = current.row(width, ty);
-                let [r, g, b] = three(|c| &channel(row, width, 0, c)[at..][..n]);
-                let depth = &depth[ty * width + at..][..n];
-                for i in 0..n {
-                    let counts = depth[i] < f32::INFINITY;
-                    let c = ycocg_from_rgb([r[i], g[i], b[i]]);
-                    let (c0, c1, c2) = if counts { (c[0], c[1], c[2]) } else { (0.0, 0.0, 0.0) };
-                    s0[i] += c0;
-                    s1[i] += c1;
-                    s2[i] += c2;
-                    q0[i] += c0 * c0;
-                    q1[i] += c1 * c1;
-                    q2[i] += c2 * c2;
-                    count[i] += if counts { 1.0 } else { 0.0 };
+            for ty in rows.clone() {
+                if !line.load(phases, current, Some(depth), (ty, first), phase) {
+                    continue;
+                }
+                for c in 0..3 {
+                    for i in 0..PADDED {
+                        let value = if line.depth[i] < f32::INFINITY { line.colour[c][i] } else { 0.0 };
+                        sums[c][i] += value;
+                        sums[3 + c][i] += value * value;
+                    }
+                }
+                for i in 0..PADDED {
+                    sums[6][i] += if line.depth[i] < f32::INFINITY { 1.0 } else { 0.0 };
                 }
             }
         }

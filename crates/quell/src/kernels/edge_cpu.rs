@@ -12,7 +12,15 @@ use crate::settings::Edge;
 use glam::Vec3;
 
 /// Pixels whose weights are computed together.
-pub(crate) const RUN: usize = 128;
+pub(crate) const RUN: usize = 256;
+
+/// Cuts a row of `count` pixels into runs of about equal length, whole vectors where possible.
+#[inline(always)]
+pub(crate) fn run_length(count: usize) -> usize {
+    const VECTOR: usize = 16;
+    let runs = count.div_ceil(RUN).max(1);
+    count.div_ceil(runs).next_multiple_of(VECTOR).clamp(1, RUN)
+}
 
 /// One value for each pixel of a run.
 pub(crate) type Run = [f32; RUN];
@@ -58,7 +66,8 @@ pub(crate) struct GuideRun<'a> {
 #[derive(Debug)]
 pub(crate) struct Centres {
     depth: Run,
-    inverse_depth: Run,
+    /// Kz / z_p.
+    depth_gain: Run,
     normal: [Run; 3],
     /// v_p: displacement of one unit of view depth.
     ray: [Run; 3],
@@ -66,7 +75,7 @@ pub(crate) struct Centres {
     facing: Run,
     /// n_p . change of ray for one pixel to the right, and down.
     along: [Run; 2],
-    /// Distance under which a tap has no direction.
+    /// Squared distance under which a tap has no direction.
     coincident: Run,
     roughness: Run,
     id: [u32; RUN],
@@ -76,7 +85,7 @@ impl Centres {
     pub fn new() -> Self {
         Self {
             depth: [1.0; RUN],
-            inverse_depth: [1.0; RUN],
+            depth_gain: [1.0; RUN],
             normal: [[0.0; RUN]; 3],
             ray: [[0.0; RUN]; 3],
             facing: [0.0; RUN],
@@ -89,7 +98,7 @@ impl Centres {
 
     /// Fills in the run whose pixel i was sampled at (u + 4 i, v).
     #[inline(always)]
-    pub fn fill(&mut self, view: &Projection, guides: &GuideRun<'_>, u: f32, v: f32) {
+    pub fn fill(&mut self, view: &Projection, gains: &Gains, guides: &GuideRun<'_>, u: f32, v: f32) {
         let n = guides.depth.len();
         let step = change_of_ray(view);
         let row = view.direction[0] + view.direction[2] * v;
@@ -101,7 +110,7 @@ impl Centres {
         for c in 0..3 {
             self.normal[c][..n].copy_from_slice(guides.normal[c]);
         }
-        for i in 0..RUN {
+        for i in 0..n.next_multiple_of(16).min(RUN) {
             let column = u + (4 * i) as f32;
             let ray = [row.x + across.x * column, row.y + across.y * column, row.z + across.z * column];
             let normal = [self.normal[0][i], self.normal[1][i], self.normal[2][i]];
@@ -113,8 +122,9 @@ impl Centres {
                 self.along[axis][i] = dot(normal, step[axis].to_array());
             }
             let scale = if view.perspective { self.depth[i] } else { 1.0 };
-            self.coincident[i] = COINCIDENT_PX * pixel_size * scale;
-            self.inverse_depth[i] = 1.0 / self.depth[i];
+            let coincident = COINCIDENT_PX * pixel_size * scale;
+            self.coincident[i] = coincident * coincident;
+            self.depth_gain[i] = gains.depth / self.depth[i];
         }
     }
 }
@@ -156,6 +166,17 @@ fn at_least_0(a: f32) -> f32 {
     if a > 0.0 { a } else { 0.0 }
 }
 
+/// 1 / sqrt(x) to 5e-6, x > 0: two steps of Newton from the well-known guess. The machine's own square root and
+/// division would take most of the time of a weight, and its fast approximation differs from maker to maker.
+#[inline(always)]
+fn inverse_root(x: f32) -> f32 {
+    const GUESS: u32 = 0x5f37_5a86; // Lomont, "Fast inverse square root", 2003
+    let half = 0.5 * x;
+    let y = f32::from_bits(GUESS.wrapping_sub(x.to_bits() >> 1));
+    let y = y * (1.5 - half * y * y);
+    y * (1.5 - half * y * y)
+}
+
 /// Edge weights, 0..1, of the taps `q` for the centres from lane `first` on; `out` is as long as `q`.
 #[inline(always)]
 pub(crate) fn weights<const PERSPECTIVE: bool, const GLOSS: bool>(
@@ -172,7 +193,7 @@ pub(crate) fn weights<const PERSPECTIVE: bool, const GLOSS: bool>(
     fn lanes<T>(run: &[T; RUN], first: usize, n: usize) -> &[T] {
         &run[first..][..n]
     }
-    let (p_depth, p_inverse_depth) = (lanes(&centres.depth, first, n), lanes(&centres.inverse_depth, first, n));
+    let (p_depth, p_depth_gain) = (lanes(&centres.depth, first, n), lanes(&centres.depth_gain, first, n));
     let [p_nx, p_ny, p_nz] = three(|c| lanes(&centres.normal[c], first, n));
     let [p_rx, p_ry, p_rz] = three(|c| lanes(&centres.ray[c], first, n));
     let p_facing = lanes(&centres.facing, first, n);
@@ -190,7 +211,7 @@ pub(crate) fn weights<const PERSPECTIVE: bool, const GLOSS: bool>(
         let out_of_p = k * scale + p_facing[i] * rise;
         let q_facing = if PERSPECTIVE { p_facing[i] + k } else { p_facing[i] };
         let beyond = out_of_p / q_facing;
-        let w_depth = at_least_0(1.0 - gains.depth * beyond.abs() * p_inverse_depth[i]);
+        let w_depth = at_least_0(1.0 - beyond.abs() * p_depth_gain[i]);
         let w_depth = if z - beyond > 0.0 { w_depth } else { 0.0 };
 
         let cosine = at_least_0(p_nx[i] * q_nx[i] + p_ny[i] * q_ny[i] + p_nz[i] * q_nz[i]);
@@ -203,9 +224,9 @@ pub(crate) fn weights<const PERSPECTIVE: bool, const GLOSS: bool>(
         let out_of_q = (ox * q_nx[i] + oy * q_ny[i] + oz * q_nz[i]).abs();
         let out_of_p = out_of_p.abs();
         let out_of_plane = if out_of_p > out_of_q { out_of_p } else { out_of_q };
-        let distance = (ox * ox + oy * oy + oz * oz).sqrt();
-        let w = at_least_0(1.0 - gains.plane * out_of_plane / distance);
-        let w_plane = if distance < p_coincident[i] { 1.0 } else { w * w };
+        let squared = ox * ox + oy * oy + oz * oz;
+        let w = at_least_0(1.0 - gains.plane * out_of_plane * inverse_root(squared));
+        let w_plane = if squared < p_coincident[i] { 1.0 } else { w * w };
 
         let mut weight = w_depth * w_normal * w_plane;
         if GLOSS {
@@ -214,5 +235,30 @@ pub(crate) fn weights<const PERSPECTIVE: bool, const GLOSS: bool>(
         // Background has an infinite depth.
         let same = (q_id[i] == p_id[i]) & (z < f32::INFINITY);
         out[i] = if same { weight } else { 0.0 };
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_inverse_root_is_as_good_as_it_says() {
+        let mut x = 1e-30f32;
+        while x < 1e30 {
+            let exact = 1.0 / f64::from(x).sqrt();
+            assert!((f64::from(inverse_root(x)) / exact - 1.0).abs() < 5e-6, "{x}");
+            x *= 1.01;
+        }
+        assert_eq!(0.0 * inverse_root(0.0), 0.0);
+    }
+
+    #[test]
+    fn runs_cover_a_row() {
+        assert!(run_length(0) > 0);
+        for count in 1..3000 {
+            let length = run_length(count);
+            assert!(length <= RUN && length * count.div_ceil(RUN) >= count, "{count} {length}");
+        }
     }
 }

@@ -4,6 +4,7 @@
 use super::math::three;
 use crate::camera::Projection;
 use crate::cpu::guides::{CpuGuides, Surfaces, field};
+use crate::kernels::spiral::PERIOD;
 use crate::settings::{HitFilter, Rejection, Settings, Surface as SurfaceSettings};
 use glam::{Vec2, Vec3};
 
@@ -226,9 +227,60 @@ fn step(low: f32, high: f32, x: f32) -> f32 {
     if high <= low { hard } else { smooth }
 }
 
+/// Lanes whose footprints lie side by side in memory, all four pixels inside the image: they are read as runs. Where
+/// motion is smooth, that is nearly all of them.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Segments {
+    /// First lane and number of lanes.
+    pub runs: [(usize, usize); LANES],
+    pub count: usize,
+    /// 1: in no run, to be read by itself.
+    pub single: [u32; LANES],
+}
+
+impl Segments {
+    fn new() -> Self {
+        Self { runs: [(0, 0); LANES], count: 0, single: [0; LANES] }
+    }
+
+    /// Shorter ones cost more than single lanes.
+    const SHORTEST: usize = 4;
+
+    /// Finds the runs among living lanes of a phase; `base`: column and row of the first of the four pixels.
+    #[inline(always)]
+    fn find(&mut self, base: &[[i32; LANES]; 2], alive: &[u32; LANES], width: i32, height: i32) {
+        self.count = 0;
+        self.single = *alive;
+        let mut joins = [0u32; LANES];
+        let mut inside = [0u32; LANES];
+        for i in 0..LANES {
+            let (x, y) = (base[0][i], base[1][i]);
+            inside[i] = u32::from((x >= 0) & (y >= 0) & (x < width - 1) & (y < height - 1)) & alive[i];
+        }
+        for i in 1..LANES {
+            let beside = (base[0][i] == base[0][i - 1] + PERIOD as i32) & (base[1][i] == base[1][i - 1]);
+            joins[i] = u32::from(beside) & inside[i] & inside[i - 1];
+        }
+        let mut i = 0;
+        while i < LANES {
+            let first = i;
+            i += 1;
+            while i < LANES && joins[i] != 0 {
+                i += 1;
+            }
+            if i - first >= Self::SHORTEST {
+                self.runs[self.count] = (first, i - first);
+                self.count += 1;
+                self.single[first..i].fill(0);
+            }
+        }
+    }
+}
+
 /// The four pixels of each lane's footprint: where they are and what they show.
 #[derive(Debug)]
 pub(crate) struct Footprint {
+    segments: Segments,
     weight: [Lanes; 4],
     column: [Lanes; 4],
     row: [Lanes; 4],
@@ -243,6 +295,7 @@ pub(crate) struct Footprint {
 /// trusted.
 #[derive(Debug)]
 pub(crate) struct Lookup {
+    pub segments: Segments,
     pub place: [Place; 4],
     /// Weights; 0 for pixels that show something else.
     pub weight: [Lanes; 4],
@@ -252,13 +305,14 @@ pub(crate) struct Lookup {
 
 impl Lookup {
     pub fn new() -> Self {
-        Self { place: [Place::default(); 4], weight: [[0.0; LANES]; 4], trust: [0.0; LANES] }
+        Self { segments: Segments::new(), place: [Place::default(); 4], weight: [[0.0; LANES]; 4], trust: [0.0; LANES] }
     }
 }
 
 impl Footprint {
     pub fn new() -> Self {
         Self {
+            segments: Segments::new(),
             weight: [[0.0; LANES]; 4],
             column: [[0.0; LANES]; 4],
             row: [[0.0; LANES]; 4],
@@ -291,23 +345,47 @@ impl Footprint {
                 self.row[k][i] = by + (k >> 1) as f32;
             }
         }
+        let width = size.width;
+        self.segments.find(&base, alive, width as i32, size.height as i32);
+        self.depth = [[f32::INFINITY; LANES]; 4];
         for k in 0..4 {
-            self.depth[k] = [f32::INFINITY; LANES];
             let (right, down) = ((k & 1) as i32, (k >> 1) as i32);
-            for i in 0..LANES {
-                let (x, y) = (base[0][i] + right, base[1][i] + down);
-                if alive[i] == 0 || x < 0 || y < 0 || x as usize >= size.width || y as usize >= size.height {
+            for &(first, n) in &self.segments.runs[..self.segments.count] {
+                let (x, y) = ((base[0][first] + right) as usize, (base[1][first] + down) as usize);
+                let element = guides.phases.element(x);
+                self.place[k].column[first] = x as u32;
+                self.place[k].element[first] = element as u32;
+                self.place[k].row[first] = y as u32;
+                self.depth[k][first..][..n].copy_from_slice(&field(&before.depth, width, 1, y, 0)[element..][..n]);
+                self.id[k][first..][..n].copy_from_slice(&field(&before.id, width, 1, y, 0)[element..][..n]);
+                for c in 0..3 {
+                    let source = &field(&before.normal, width, 3, y, c)[element..][..n];
+                    self.normal[k][c][first..][..n].copy_from_slice(source);
+                }
+                if roughness {
+                    let source = &field(&before.roughness, width, 1, y, 0)[element..][..n];
+                    self.roughness[k][first..][..n].copy_from_slice(source);
+                }
+            }
+        }
+        for i in 0..LANES {
+            if self.segments.single[i] == 0 {
+                continue;
+            }
+            for k in 0..4 {
+                let (x, y) = (base[0][i] + (k & 1) as i32, base[1][i] + (k >> 1) as i32);
+                if x < 0 || y < 0 || x as usize >= width || y as usize >= size.height {
                     continue;
                 }
                 let (x, y) = (x as usize, y as usize);
                 let element = guides.phases.element(x);
-                let index = y * size.width + element;
+                let index = y * width + element;
                 self.place[k].column[i] = x as u32;
                 self.place[k].element[i] = element as u32;
                 self.place[k].row[i] = y as u32;
                 self.depth[k][i] = before.depth[index];
                 self.id[k][i] = before.id[index];
-                let normal = normal_at(before, size.width, y, element);
+                let normal = normal_at(before, width, y, element);
                 for c in 0..3 {
                     self.normal[k][c][i] = normal[c];
                 }
@@ -331,6 +409,7 @@ impl Footprint {
         };
         let before = &guides.before;
         found.place = self.place;
+        found.segments = self.segments;
         let mut total = [0.0; LANES];
         let mut trusted = [0.0; LANES];
         let (least_difference, near) = match rejection {

@@ -4,7 +4,7 @@ use super::sparse_bilateral::{Pieces, RunOf, guide_run};
 use crate::cpu::guides::{CpuGuides, field};
 use crate::cpu::layout::{Colours, Phases, channel};
 use crate::cpu::rows;
-use crate::kernels::edge_cpu::{Centres, Gains, RUN, Run, Tap, weights};
+use crate::kernels::edge_cpu::{Centres, Gains, RUN, Run, Tap, run_length, weights};
 use crate::kernels::spiral::PERIOD;
 use crate::settings::{GlossyBilateral, OffScreen, Settings};
 use crate::stages::glossy_bilateral::KernelSize;
@@ -108,25 +108,27 @@ fn row<const PERSPECTIVE: bool, const GLOSS: bool>(
     let view = &guides.now.view;
     let own = input.row(width, y);
     let mut centres = Centres::new();
+    let (mut exponent, mut falloff, mut computed): (Run, Run, Run) = ([0.0; RUN], [0.0; RUN], [0.0; RUN]);
+    let mut sums = [[[0.0f32; RUN]; 3]; PLANES];
     for phase in 0..PERIOD {
         let begin = phases.range(phase).start;
         let count = phases.count(phase);
-        for first in (0..count).step_by(RUN) {
-            let n = RUN.min(count - first);
+        let length = run_length(count);
+        for first in (0..count).step_by(length) {
+            let n = length.min(count - first);
             let p = guide_run(guides, y, begin + first, n);
             let mut radius: Run = [0.0; RUN];
             radius[..n].copy_from_slice(&filter.radius[y * width + begin + first..][..n]);
             let widest = radius.iter().fold(0.0f32, |a, b| if a > *b { a } else { *b });
             let reach = (1..=kernel.reach).take_while(|k| (k * kernel.step_px) as f32 <= widest).count();
             let x = (PERIOD * first + phase) as f32;
-            centres.fill(view, &p, x + 0.5 + guides.now.jitter.x, y as f32 + 0.5 + guides.now.jitter.y);
-            let exponent = exponents(settings.sigma, &radius);
+            centres.fill(view, gains, &p, x + 0.5 + guides.now.jitter.x, y as f32 + 0.5 + guides.now.jitter.y);
+            exponents(settings.sigma, &radius[..n], &mut exponent[..n]);
             let run = RunOf { y, phase, first, len: n };
             // Weights live only as long as their tap; the sums of a few planes as long as the run.
             let mut plane = 0;
             while plane < input.planes {
                 let together = PLANES.min(input.planes - plane);
-                let mut sums = [[[0.0f32; RUN]; 3]; PLANES];
                 for k in 0..together {
                     for c in 0..3 {
                         sums[k][c][..n].copy_from_slice(&channel(own, width, plane + k, c)[begin + first..][..n]);
@@ -136,7 +138,7 @@ fn row<const PERSPECTIVE: bool, const GLOSS: bool>(
                 let mut ceilings = [[f32::INFINITY; RUN]; 2];
                 for tap in 1..=reach {
                     let offset = (tap * kernel.step_px) as i32;
-                    let falloff = gaussian(offset as f32, &exponent, &radius);
+                    gaussian(offset as f32, &exponent, &radius, &mut falloff[..n]);
                     for (side, ceiling) in [-1i32, 1].into_iter().zip(&mut ceilings) {
                         let offset = match filter.axis {
                             Axis::Horizontal => (side * offset, 0),
@@ -146,8 +148,7 @@ fn row<const PERSPECTIVE: bool, const GLOSS: bool>(
                         while let Some(piece) = pieces.next() {
                             let q = guide_run(guides, piece.y, piece.source, piece.len);
                             let lanes = piece.first..piece.first + piece.len;
-                            let mut of_tap: Run = [0.0; RUN];
-                            let of_tap = &mut of_tap[..piece.len];
+                            let of_tap = &mut computed[..piece.len];
                             let geometry = Tap::new(view, offset.0, offset.1);
                             weights::<PERSPECTIVE, GLOSS>(&centres, piece.first, &q, &geometry, gains, of_tap);
                             let ceiling =

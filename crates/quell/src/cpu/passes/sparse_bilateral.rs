@@ -3,7 +3,7 @@
 use crate::cpu::guides::{CpuGuides, field};
 use crate::cpu::layout::{Colours, Phases, Span, channel};
 use crate::cpu::rows;
-use crate::kernels::edge_cpu::{Centres, Gains, GuideRun, RUN, Tap, weights};
+use crate::kernels::edge_cpu::{Centres, Gains, GuideRun, RUN, Tap, run_length, weights};
 use crate::kernels::math::three;
 use crate::kernels::spiral::{PERIOD, Spiral, SpiralShape, land};
 use crate::settings::OffScreen;
@@ -139,15 +139,15 @@ fn row<const PERSPECTIVE: bool, const GLOSS: bool>(
         let taps = filter.spiral.phase((y % PERIOD) * PERIOD + phase);
         let begin = phases.range(phase).start;
         let count = phases.count(phase);
-        for first in (0..count).step_by(RUN) {
-            let n = RUN.min(count - first);
+        let length = run_length(count);
+        for first in (0..count).step_by(length) {
+            let n = length.min(count - first);
             let p = guide_run(guides, y, begin + first, n);
             let x = (PERIOD * first + phase) as f32;
-            centres.fill(view, &p, x + 0.5 + guides.now.jitter.x, y as f32 + 0.5 + guides.now.jitter.y);
+            centres.fill(view, &filter.gains, &p, x + 0.5 + guides.now.jitter.x, y as f32 + 0.5 + guides.now.jitter.y);
             computed.total = [1.0; RUN];
             let run = RunOf { y, phase, first, len: n };
             for (k, tap) in taps.iter().enumerate() {
-                computed.taps[k][..n].fill(0.0);
                 let mut pieces = Pieces::of(phases, run, (tap.dx, tap.dy), filter.shape.off_screen);
                 while let Some(piece) = pieces.next() {
                     let q = guide_run(guides, piece.y, piece.source, piece.len);

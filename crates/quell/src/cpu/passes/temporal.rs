@@ -127,7 +127,7 @@ fn row(
                     lookup.trust[i] *= trust[i];
                 }
             }
-            fetch_scalar(history.length, &lookup, n, &mut old_length);
+            fetch_scalar(history.length, &lookup, &mut old_length);
             shares.weigh(weights, &lookup.trust, &old_length, &expected.depth);
             for i in 0..n {
                 confidence[x + PERIOD * i] = shares.confidence[i];
@@ -135,7 +135,7 @@ fn row(
             }
 
             load(now, width, 0, begin, n, &mut beauty_now);
-            fetch(history.colours, width, 0, &lookup, n, &mut beauty_then);
+            fetch(history.colours, width, 0, &lookup, &mut beauty_then);
             match weights.clip {
                 Clip::Off => {
                     (low, high) = ([[f32::NEG_INFINITY; LANES]; 3], [[f32::INFINITY; LANES]; 3]);
@@ -149,7 +149,7 @@ fn row(
                 if plane == 0 {
                     then = beauty_then;
                 } else {
-                    fetch(history.colours, width, plane, &lookup, n, &mut then);
+                    fetch(history.colours, width, plane, &lookup, &mut then);
                 }
                 let beauty = (&beauty_then, &beauty_clamped, &beauty_now);
                 blend_lanes(&value, &then, &shares.history, beauty, &mut result);

@@ -1,7 +1,6 @@
 //! Stages 9 and 10 on runs of pixels.
 
 use super::{KernelSize, LOBE_SPREAD};
-use crate::kernels::edge_cpu::{RUN, Run};
 use crate::kernels::math::exp_negative;
 use crate::settings::{GlossyBilateral, GlossyRadius};
 
@@ -69,24 +68,22 @@ pub(crate) fn radii(
 
 /// -1 / (2 sigma^2) of a run, `sigma` the share of the radius.
 #[inline(always)]
-pub(crate) fn exponents(sigma: f32, radius: &Run) -> Run {
-    let mut out = [0.0; RUN];
-    for i in 0..RUN {
-        let deviation = sigma * radius[i];
-        out[i] = -1.0 / (2.0 * deviation * deviation);
+pub(crate) fn exponents(sigma: f32, radius: &[f32], out: &mut [f32]) {
+    for (out, radius) in out.iter_mut().zip(radius) {
+        let deviation = sigma * radius;
+        *out = -1.0 / (2.0 * deviation * deviation);
     }
-    out
 }
 
 /// The Gaussian of a tap `offset` pixels away; 0 beyond the radius.
 #[inline(always)]
-pub(crate) fn gaussian(offset: f32, exponent: &Run, radius: &Run) -> Run {
-    let mut out = [0.0; RUN];
-    for i in 0..RUN {
+pub(crate) fn gaussian(offset: f32, exponent: &[f32], radius: &[f32], out: &mut [f32]) {
+    let n = out.len();
+    let (exponent, radius) = (&exponent[..n], &radius[..n]);
+    for i in 0..n {
         let g = exp_negative(offset * offset * exponent[i]);
         out[i] = if offset > radius[i] { 0.0 } else { g };
     }
-    out
 }
 
 /// From edge weights to weights, and their sum. `ceiling`: the least edge weight so far on the way outwards, where

@@ -3,6 +3,7 @@
 use crate::cpu::layout::{Colours, channel};
 use crate::kernels::clip::ColourBox;
 use crate::kernels::reproject_cpu::{LANES, Lanes, Lanes3, Lookup};
+use crate::kernels::spiral::PERIOD;
 use crate::kernels::temporal::{Blend, blend, clamp_history};
 use crate::plane::Plane;
 
@@ -36,16 +37,22 @@ impl Shares {
 
 /// Weighted mean of up to four previous pixels of a scalar in the host's order.
 #[inline(always)]
-pub(crate) fn fetch_scalar(plane: &Plane<f32>, lookup: &Lookup, n: usize, out: &mut Lanes) {
+pub(crate) fn fetch_scalar(plane: &Plane<f32>, lookup: &Lookup, out: &mut Lanes) {
     let width = plane.size().width;
     let data = plane.data();
     *out = [0.0; LANES];
     for k in 0..4 {
-        for i in 0..n {
-            let weight = lookup.weight[k][i];
-            if weight > 0.0 {
-                let place = &lookup.place[k];
-                out[i] += weight * data[place.row[i] as usize * width + place.column[i] as usize];
+        let (place, weight) = (&lookup.place[k], &lookup.weight[k]);
+        for &(first, n) in &lookup.segments.runs[..lookup.segments.count] {
+            let at = place.row[first] as usize * width + place.column[first] as usize;
+            let source = data[at..].iter().step_by(PERIOD);
+            for ((out, weight), value) in out[first..][..n].iter_mut().zip(&weight[first..][..n]).zip(source) {
+                *out += if *weight > 0.0 { weight * value } else { 0.0 };
+            }
+        }
+        for i in 0..LANES {
+            if lookup.segments.single[i] != 0 && weight[i] > 0.0 {
+                out[i] += weight[i] * data[place.row[i] as usize * width + place.column[i] as usize];
             }
         }
     }
@@ -53,18 +60,26 @@ pub(crate) fn fetch_scalar(plane: &Plane<f32>, lookup: &Lookup, n: usize, out: &
 
 /// Weighted mean of up to four previous pixels of a plane.
 #[inline(always)]
-pub(crate) fn fetch(history: &Colours, width: usize, plane: usize, lookup: &Lookup, n: usize, out: &mut Lanes3) {
+pub(crate) fn fetch(history: &Colours, width: usize, plane: usize, lookup: &Lookup, out: &mut Lanes3) {
     let data = history.elements();
     let stride = history.stride(width);
     *out = [[0.0; LANES]; 3];
     for k in 0..4 {
-        for i in 0..n {
-            let weight = lookup.weight[k][i];
-            if weight > 0.0 {
-                let place = &lookup.place[k];
+        let (place, weight) = (&lookup.place[k], &lookup.weight[k]);
+        for &(first, n) in &lookup.segments.runs[..lookup.segments.count] {
+            let at = place.row[first] as usize * stride + plane * 3 * width + place.element[first] as usize;
+            for c in 0..3 {
+                let source = &data[at + c * width..][..n];
+                for ((out, weight), value) in out[c][first..][..n].iter_mut().zip(&weight[first..][..n]).zip(source) {
+                    *out += if *weight > 0.0 { weight * value } else { 0.0 };
+                }
+            }
+        }
+        for i in 0..LANES {
+            if lookup.segments.single[i] != 0 && weight[i] > 0.0 {
                 let at = place.row[i] as usize * stride + plane * 3 * width + place.element[i] as usize;
                 for c in 0..3 {
-                    out[c][i] += weight * data[at + c * width];
+                    out[c][i] += weight[i] * data[at + c * width];
                 }
             }
         }
