@@ -166,9 +166,9 @@ pub struct SamplingArgs {
     /// Other seeds, other noise
     #[arg(long, value_name = "N", default_value = "0")]
     pub seed: u64,
-    /// Shadow rays a pixel of the direct light
-    #[arg(long, value_name = "N", default_value = "64", value_parser = values::at_least_one::<u32>)]
-    pub direct_samples: u32,
+    /// Shadow rays a pixel of the direct light [default: the tracer's own]
+    #[arg(long, value_name = "N", value_parser = values::at_least_one::<u32>)]
+    pub direct_samples: Option<u32>,
     /// Move the samples within the pixel from frame to frame; stage 11 then smooths edges
     #[arg(long)]
     pub jitter: bool,

@@ -57,16 +57,17 @@ fn options(size: Size, sampling: &SamplingArgs) -> Result<RenderOptions, Failure
         let value = sampling.indirect_clamp;
         return Err(Failure::Usage(format!("--indirect-clamp {value} is no luminance; 0 is no limit")));
     }
+    let defaults = RenderOptions::new(size);
     Ok(RenderOptions {
         samples: sampling.spp,
         bounces: sampling.bounces,
         seed: sampling.seed,
         estimator: sampling.estimator,
-        direct_samples: sampling.direct_samples,
+        direct_samples: sampling.direct_samples.unwrap_or(defaults.direct_samples),
         jitter: sampling.jitter,
         indirect_clamp: sampling.indirect_clamp,
         variances: sampling.spp > 1,
-        ..RenderOptions::new(size)
+        ..defaults
     })
 }
 
