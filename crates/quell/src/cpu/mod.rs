@@ -384,3 +384,63 @@ const ALL_IMAGES: [Image; 12] = [
     Image::GlossyFiltered,
     Image::DirectAntialiased,
 ];
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::camera::Camera;
+    use crate::frame::FrameBuf;
+    use crate::pipeline::Inputs;
+
+    /// A bumpy plane seen by a camera that moves.
+    fn frame(size: Size, index: i64) -> FrameBuf {
+        let camera = |i: i64| {
+            let mut c = Camera::perspective([0.02 * i as f32, 0.0, 3.0], [0.1, -0.1, -1.0], [0.0, 1.0, 0.0], 0.9, 1.6);
+            c.jitter = [0.3, -0.2];
+            c
+        };
+        let mut f = FrameBuf::new(size, camera(index));
+        (f.previous_camera, f.index) = (camera(index - 1), index);
+        let noise = |k: usize| {
+            Plane::from_fn(size, |x, y| [(x * 7 + y * 13 + k * 5) % 11, (x * k) % 5, y % 3].map(|v| v as f32 * 0.3))
+        };
+        (f.matte, f.glossy, f.direct) = (Some(noise(index as usize)), Some(noise(9)), Some(noise(4)));
+        f.view_depth = Some(Plane::from_fn(size, |x, y| 2.5 + 0.003 * ((x * x + y) % 17) as f32));
+        f.normal = Some(Plane::from_fn(size, |x, _| [0.1 * (x % 3) as f32, 0.0, 1.0]));
+        f.roughness = Some(Plane::from_fn(size, |x, _| (x % 10) as f32 * 0.1));
+        f.glossy_hit_distance = Some(Plane::filled(size, 2.0));
+        f
+    }
+
+    #[test]
+    fn every_instruction_set_gives_the_same_bits() {
+        let best = Level::new();
+        let mut levels = vec![Level::baseline(), best];
+        #[cfg(any(target_arch = "x86", target_arch = "x86_64"))]
+        {
+            levels.extend(best.as_avx2().map(Level::Avx2));
+            levels.extend(best.as_sse4_2().map(Level::Sse4_2));
+        }
+        let size = Size::new(75, 33);
+        let mut settings = Settings::default();
+        settings.matte_prefilter.radius = 200.0;
+        settings.glossy_bilateral.max_radius = 64.0;
+        let mut first: Option<Vec<Plane<Rgb>>> = None;
+        for level in levels {
+            let mut cpu = Cpu::with_level(size, level);
+            for index in 0..4 {
+                let buffer = frame(size, index);
+                let frame = buffer.frame(&[]);
+                let plan = Plan::new(&settings, Inputs::of(&frame));
+                let valid = Validity { matte: index > 0, glossy: index > 0, direct: index > 0 };
+                let (mut sanitised, mut times) = (Sanitised::default(), StageTimes::default());
+                cpu.run(&frame, &settings, &plan, valid, &mut sanitised, &mut times).unwrap();
+            }
+            let planes: Vec<Plane<Rgb>> = cpu.shown.iter().map(|s| s.planes[0].clone()).collect();
+            match &first {
+                None => first = Some(planes),
+                Some(first) => assert!(*first == planes, "{level:?}"),
+            }
+        }
+    }
+}
