@@ -88,6 +88,8 @@ pub(crate) struct Integrator<'w, 's> {
     pub(crate) model: MaterialModel,
     /// Scatterings after the primary surface.
     pub(crate) bounces: u32,
+    /// Samples carry the ratio of their own factor to the weight's.
+    pub(crate) exact: bool,
     /// Surfaces that the eye looks through.
     pub(crate) replacement: PrimaryReplacement,
 }
@@ -350,12 +352,16 @@ impl Integrator<'_, '_> {
         }
     }
 
+    /// What multiplies M: the estimators differ in the direction at which Fresnel is taken.
+    pub(crate) fn matte_weight(&self, bsdf: &Bsdf) -> Vec3 {
+        if self.exact { bsdf.exact_matte_weight() } else { bsdf.matte_weight() }
+    }
+
     /// One matte path: light of a cosine-distributed direction, without the weight of the surface.
     pub(crate) fn matte_path(
         &self,
         point: &SurfacePoint,
         bsdf: &Bsdf,
-        exact: bool,
         sampler: &Sampler,
         rays: &mut RayCounts,
     ) -> Incoming {
@@ -369,7 +375,7 @@ impl Integrator<'_, '_> {
         let mut incoming = self.incoming(point.ray_origin(wi), wi, Seen::Share(0.0), self.bounces, &mut sampler, rays);
         // A metal's matte weight is 0, and so would the ratio be; M is still the light there, so that no black bleeds
         // into its neighbours.
-        if exact && bsdf.matte_weight().max_element() > 0.0 {
+        if self.exact && self.matte_weight(bsdf).max_element() > 0.0 {
             incoming.radiance *= bsdf.exact_matte_ratio(wi);
         }
         incoming

@@ -139,7 +139,7 @@ impl Integrator<'_, '_> {
                     self.virtual_guides(views, virtual_point, eye_direction, &point, &bsdf, &mirrors, chain_id)
                 } else {
                     Guides {
-                        matte_weight: bsdf.matte_weight(),
+                        matte_weight: self.matte_weight(&bsdf),
                         glossy_weight: bsdf.glossy_weight(),
                         view_depth: views.now.view_depth(point.position).max(f32::MIN_POSITIVE),
                         normal: bsdf.normal(),
@@ -149,7 +149,7 @@ impl Integrator<'_, '_> {
                     }
                 };
                 let mut guides = guides;
-                guides.matte_weight = bsdf.matte_weight() * throughput;
+                guides.matte_weight = self.matte_weight(&bsdf) * throughput;
                 guides.glossy_weight = bsdf.glossy_weight() * throughput;
                 if let Some(first) = glass.first() {
                     // The glossy signal is the glass's own reflection.

@@ -15,7 +15,7 @@ use std::ops::Range;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Changes whenever the tracer's pictures change: part of the key of every cached reference.
-pub const TRACER_VERSION: u32 = 2;
+pub const TRACER_VERSION: u32 = 3;
 
 /// Largest extent of an image.
 pub const SIZE_LIMIT: usize = 32768;
@@ -340,6 +340,7 @@ impl<'s> Tracer<'s> {
 
     fn integrator(&self, options: &RenderOptions) -> Integrator<'_, 's> {
         Integrator {
+            exact: options.estimator == Estimator::Exact,
             world: &self.world,
             sources: &self.sources,
             model: options.model,
@@ -556,13 +557,12 @@ impl<'s> Tracer<'s> {
         integrator: &Integrator<'_, '_>,
         primary: &Primary,
         surface: &Vertex,
-        exact: bool,
         sampler: &Sampler,
         rays: &mut RayCounts,
     ) -> (Incoming, Incoming) {
-        let matte = integrator.matte_path(&surface.point, &surface.bsdf, exact, sampler, rays);
+        let matte = integrator.matte_path(&surface.point, &surface.bsdf, sampler, rays);
         let reflecting = primary.glass.first().unwrap_or(surface);
-        let glossy = integrator.glossy_path(&reflecting.point, &reflecting.bsdf, exact, sampler, rays);
+        let glossy = integrator.glossy_path(&reflecting.point, &reflecting.bsdf, integrator.exact, sampler, rays);
         (matte, glossy)
     }
 
@@ -576,7 +576,6 @@ impl<'s> Tracer<'s> {
         rays: &mut RayCounts,
     ) -> PixelValue {
         let primary = integrator.primary(views, Self::sample_position(views, x, y), rays);
-        let exact = options.estimator == Estimator::Exact;
         let pixel = (x as u32, y as u32);
         let mut matte = Moments::default();
         let mut glossy = Moments::default();
@@ -585,7 +584,7 @@ impl<'s> Tracer<'s> {
         if let Some(surface) = &primary.surface {
             for sample in 0..options.samples.max(1) {
                 let sampler = Sampler::new(pixel, self.frame, sample, options.seed);
-                let (m, g) = Self::signals(integrator, &primary, surface, exact, &sampler, rays);
+                let (m, g) = Self::signals(integrator, &primary, surface, &sampler, rays);
                 if sample == 0 {
                     distances = (m.distance, g.distance);
                 }
@@ -637,7 +636,6 @@ impl<'s> Tracer<'s> {
             }
             ReferenceKind::Factored => {
                 let primary = integrator.primary(views, Self::sample_position(views, x, y), rays);
-                let exact = options.estimator == Estimator::Exact;
                 // One pass of the direct term serves several paths: it has less noise.
                 let direct_samples = options.direct_samples.min(REFERENCE_DIRECT_SAMPLES);
                 for sample in samples {
@@ -646,7 +644,7 @@ impl<'s> Tracer<'s> {
                     let (m, g) = match &primary.surface {
                         None => (Vec3::ZERO, Vec3::ZERO),
                         Some(surface) => {
-                            let (m, g) = Self::signals(integrator, &primary, surface, exact, &sampler, rays);
+                            let (m, g) = Self::signals(integrator, &primary, surface, &sampler, rays);
                             (m.radiance, g.radiance)
                         }
                     };

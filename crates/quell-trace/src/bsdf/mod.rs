@@ -22,8 +22,7 @@ use fresnel::Fresnel;
 use ggx::Ggx;
 use glam::{Vec2, Vec3};
 
-/// Largest F_s that enters `matte_weight`: beyond it the exact ratio ((1 - F_i) / (1 - F_s))^2 grows without bound
-/// (algorithm.md section 1).
+/// Largest F that enters the matte weights: beyond it the exact ratio would grow without bound.
 pub const MATTE_FRESNEL_CAP: f32 = 0.9;
 
 /// Smallest F_s that enters `glossy_weight`, per channel, for the same reason (algorithm.md section 1).
@@ -312,7 +311,7 @@ impl Bsdf {
         self.ggx.reflection_pdf(self.wo_local, self.local_from_world(wi), self.reflection_reach)
     }
 
-    /// (1 - F_s)^2 pi m, with F_s capped at [`MATTE_FRESNEL_CAP`]: what multiplies M.
+    /// (1 - F_s)^2 pi m, with F_s capped at [`MATTE_FRESNEL_CAP`]: what multiplies M in the paper's estimator.
     pub fn matte_weight(&self) -> Vec3 {
         let passed = self.capped_passed();
         passed * passed * self.matte_albedo
@@ -323,13 +322,22 @@ impl Bsdf {
         self.fresnel_mirror.max(Vec3::splat(GLOSSY_FRESNEL_FLOOR))
     }
 
-    /// The factor that makes `matte_weight * M` exact for a cosine sample `wi`: ((1 - F_i) / (1 - F_s))^2. 0 below
-    /// the surface. At most 100.
+    /// (1 - F_0)^2 pi m, F_0 being Fresnel at normal incidence, capped alike: what multiplies M in the exact estimator.
+    ///
+    /// Unlike the paper's factor it does not depend on the view: M stays the same on a surface that turns towards the
+    /// eye, so history need not catch up with it (measured on the boxes of `cornell-box`: twice too bright).
+    pub fn exact_matte_weight(&self) -> Vec3 {
+        let passed = self.passed_at_normal();
+        passed * passed * self.matte_albedo
+    }
+
+    /// The factor that makes `exact_matte_weight * M` exact for a cosine sample `wi`: ((1 - F_i) / (1 - F_0))^2. 0
+    /// below the surface. At most 1 but for the cap (100).
     pub fn exact_matte_ratio(&self, wi: Vec3) -> Vec3 {
         if !self.is_above(wi) {
             return Vec3::ZERO;
         }
-        let ratio = (Vec3::ONE - self.fresnel.at(self.half_cos(self.local_from_world(wi)))) / self.capped_passed();
+        let ratio = (Vec3::ONE - self.fresnel.at(self.half_cos(self.local_from_world(wi)))) / self.passed_at_normal();
         ratio * ratio
     }
 
@@ -343,6 +351,11 @@ impl Bsdf {
         let fresnel =
             if self.smooth { self.fresnel_mirror } else { self.fresnel.at(self.half_cos(self.local_from_world(wi))) };
         fresnel / self.glossy_weight()
+    }
+
+    /// 1 - F_0 with the cap.
+    fn passed_at_normal(&self) -> Vec3 {
+        Vec3::ONE - self.fresnel.at(1.0).min(Vec3::splat(MATTE_FRESNEL_CAP))
     }
 
     /// 1 - F_s with the cap.
