@@ -1,4 +1,4 @@
-//! Prints the time of every stage for a synthetic moving picture: `stage_times [WIDTHxHEIGHT] [FRAMES] [reference]`.
+//! Prints the time of every stage for a synthetic moving picture: `stage_times [WIDTHxHEIGHT] [FRAMES] [reference] [PARAMETER=VALUE]...`.
 
 use quell::denoiser::Backend;
 use quell::pipeline::Stage;
@@ -11,10 +11,14 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let (width, height) = size.split_once('x').ok_or("the size is WIDTHxHEIGHT")?;
     let size = Size::new(width.parse()?, height.parse()?);
     let frames: usize = arguments.get(1).map_or(Ok(12), |n| n.parse())?;
-    let reference = arguments.get(2).is_some_and(|a| a == "reference");
+    let reference = arguments.iter().any(|a| a == "reference");
     let backend = if reference { Backend::Reference } else { Backend::Cpu };
 
-    let mut denoiser = Denoiser::with_backend(size, &Settings::default(), backend)?;
+    let mut settings = Settings::default();
+    for (name, value) in arguments.iter().filter_map(|a| a.split_once('=')) {
+        settings.set(name, value)?;
+    }
+    let mut denoiser = Denoiser::with_backend(size, &settings, backend)?;
     let mut times: Vec<(String, Vec<Duration>)> = Vec::new();
     let mut record = |name: &str, time: Duration| match times.iter_mut().find(|(n, _)| n == name) {
         Some((_, list)) => list.push(time),

@@ -1,6 +1,7 @@
 //! The integration tests of the denoiser, one binary: what holds of every back end, and that the back ends agree.
 
 mod suite {
+    #[cfg(all(feature = "cpu", feature = "threads"))]
     mod agreement;
     mod contract;
     mod frames;

@@ -1,6 +1,6 @@
 //! The schedule of stages 9 and 10: as that of stages 4 and 7, with taps along one axis.
 
-use super::sparse_bilateral::{Pieces, RunOf, guide_run};
+use super::sparse_bilateral::{Pieces, RunOf, guide_run, of_fields};
 use crate::cpu::guides::{CpuGuides, field};
 use crate::cpu::layout::{Colours, Phases, channel};
 use crate::cpu::rows;
@@ -106,7 +106,7 @@ fn row<const PERSPECTIVE: bool, const GLOSS: bool>(
     let (width, height) = (phases.size.width, phases.size.height);
     let kernel = KernelSize::new(settings, height);
     let view = &guides.now.view;
-    let own = input.row(width, y);
+    let (own, colours) = (input.row(width, y), input.elements());
     let mut centres = Centres::new();
     let (mut exponent, mut falloff, mut computed): (Run, Run, Run) = ([0.0; RUN], [0.0; RUN], [0.0; RUN]);
     let mut sums = [[[0.0f32; RUN]; 3]; PLANES];
@@ -116,7 +116,7 @@ fn row<const PERSPECTIVE: bool, const GLOSS: bool>(
         let length = run_length(count);
         for first in (0..count).step_by(length) {
             let n = length.min(count - first);
-            let p = guide_run(guides, y, begin + first, n);
+            let p = guide_run(guides, y, y * width + begin + first, n);
             let mut radius: Run = [0.0; RUN];
             radius[..n].copy_from_slice(&filter.radius[y * width + begin + first..][..n]);
             let widest = radius.iter().fold(0.0f32, |a, b| if a > *b { a } else { *b });
@@ -146,19 +146,20 @@ fn row<const PERSPECTIVE: bool, const GLOSS: bool>(
                         };
                         let mut pieces = Pieces::of(phases, run, offset, OffScreen::Skip);
                         while let Some(piece) = pieces.next() {
-                            let q = guide_run(guides, piece.y, piece.source, piece.len);
+                            let q = guide_run(guides, piece.y, piece.at, piece.len);
                             let lanes = piece.first..piece.first + piece.len;
                             let of_tap = &mut computed[..piece.len];
                             let geometry = Tap::new(view, offset.0, offset.1);
                             weights::<PERSPECTIVE, GLOSS>(&centres, piece.first, &q, &geometry, gains, of_tap);
+                            piece.mask(of_tap);
                             let ceiling =
                                 if filter.settings.edge.monotone { Some(&mut ceiling[lanes.clone()]) } else { None };
                             admit(&falloff[lanes.clone()], ceiling, of_tap, &mut total[lanes.clone()]);
-                            let source = input.row(width, piece.y);
                             for k in 0..together {
                                 for c in 0..3 {
-                                    let colour = &channel(source, width, plane + k, c)[piece.source..][..piece.len];
-                                    gather(of_tap, colour, &mut sums[k][c][lanes.clone()]);
+                                    let k_th = (plane + k) * 3 + c;
+                                    let at = of_fields(piece.at, width, 3 * input.planes, piece.y, k_th);
+                                    gather(of_tap, &colours[at..][..piece.len], &mut sums[k][c][lanes.clone()]);
                                 }
                             }
                         }

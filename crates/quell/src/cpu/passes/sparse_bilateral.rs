@@ -1,9 +1,9 @@
-//! The schedule of stages 4 and 7: row by row, phase by phase, run by run; every tap of a run is a run of memory.
+//! The schedule of stages 4 and 7: tile by tile, row by row, phase by phase; every tap of a run is a run of memory.
 
-use crate::cpu::guides::{CpuGuides, field};
+use crate::cpu::guides::CpuGuides;
 use crate::cpu::layout::{Colours, Phases, Span, channel};
 use crate::cpu::rows;
-use crate::kernels::edge_cpu::{Centres, Gains, GuideRun, RUN, Tap, run_length, weights};
+use crate::kernels::edge_cpu::{Centres, Gains, GuideRun, RUN, Run, Tap, run_length, weights};
 use crate::kernels::math::three;
 use crate::kernels::spiral::{PERIOD, Spiral, SpiralShape, land};
 use crate::settings::OffScreen;
@@ -26,27 +26,37 @@ pub(crate) fn run(filter: &Filter<'_>, input: &Colours, output: &mut Colours) {
     let stride = output.stride(width);
     debug_assert!(filter.shape.taps as usize <= MOST_TAPS);
     let kind = (filter.guides.now.view.perspective, filter.gains.reads_roughness());
-    rows::each(output.elements_mut(), stride, |y, out| {
+    rows::each(output.elements_mut(), BAND * stride, |band, out| {
+        let y = band * BAND;
         dispatch!(filter.level, _simd => match kind {
-            (true, false) => row::<true, false>(filter, &phases, input, y, out),
-            (true, true) => row::<true, true>(filter, &phases, input, y, out),
-            (false, false) => row::<false, false>(filter, &phases, input, y, out),
-            (false, true) => row::<false, true>(filter, &phases, input, y, out),
+            (true, false) => rows_of::<true, false>(filter, &phases, input, y, out),
+            (true, true) => rows_of::<true, true>(filter, &phases, input, y, out),
+            (false, false) => rows_of::<false, false>(filter, &phases, input, y, out),
+            (false, true) => rows_of::<false, true>(filter, &phases, input, y, out),
         });
     });
 }
 
-/// Guides of `len` pixels of row `y` from element `first` on.
+/// Rows that are filtered together, tile by tile: what the taps of one tile reach stays in the second-level cache.
+const BAND: usize = 32;
+
+/// Guides of `len` pixels of row `y` from element `at` of an image of one scalar a pixel on.
 #[inline(always)]
-pub(crate) fn guide_run(guides: &CpuGuides, y: usize, first: usize, len: usize) -> GuideRun<'_> {
+pub(crate) fn guide_run(guides: &CpuGuides, y: usize, at: usize, len: usize) -> GuideRun<'_> {
     let width = guides.phases.size.width;
     let now = &guides.now;
     GuideRun {
-        depth: &field(&now.depth, width, 1, y, 0)[first..][..len],
-        normal: three(|c| &field(&now.normal, width, 3, y, c)[first..][..len]),
-        roughness: &field(&now.roughness, width, 1, y, 0)[first..][..len],
-        id: &field(&now.id, width, 1, y, 0)[first..][..len],
+        depth: &now.depth[at..][..len],
+        normal: three(|c| &now.normal[of_fields(at, width, 3, y, c)..][..len]),
+        roughness: &now.roughness[at..][..len],
+        id: &now.id[at..][..len],
     }
+}
+
+/// Where element `at` of an image of one scalar a pixel lies, row `y`, in one of `fields`: field `k`.
+#[inline(always)]
+pub(crate) fn of_fields(at: usize, width: usize, fields: usize, y: usize, k: usize) -> usize {
+    at + (y * (fields - 1) + k) * width
 }
 
 /// The part of a tap that comes from one run of memory.
@@ -58,10 +68,21 @@ pub(crate) struct Piece {
     pub len: usize,
     /// Source row.
     pub y: usize,
-    /// Element of the source row.
-    pub source: usize,
+    /// Element of an image of one scalar a pixel.
+    pub at: usize,
+    /// Lanes of these that have a source: the others must get no weight.
+    pub real: (usize, usize),
     /// From the pixel to the source, pixels.
     pub offset: (i32, i32),
+}
+
+impl Piece {
+    /// Takes the weight of lanes that have no source.
+    #[inline(always)]
+    pub fn mask(&self, weights: &mut [f32]) {
+        weights[..self.real.0].fill(0.0);
+        weights[self.real.1..].fill(0.0);
+    }
 }
 
 /// The pieces of a tap: one run, and where taps are mirrored, single pixels beside it.
@@ -103,8 +124,7 @@ impl<'a> Pieces<'a> {
             match self.span {
                 Some(span) if !self.mirrored || self.lane == span.first => {
                     self.lane = if self.mirrored { span.first + span.len } else { self.run.len };
-                    let Span { first, len, source } = span;
-                    return Some(Piece { first, len, y, source, offset: (self.dx, self.dy) });
+                    return Some(self.piece(span, y));
                 }
                 _ if !self.mirrored => return None,
                 _ => {}
@@ -113,74 +133,112 @@ impl<'a> Pieces<'a> {
             self.lane += 1;
             let x = (PERIOD * (self.run.first + first) + self.run.phase) as i32;
             if let Some(qx) = land(x + self.dx, self.phases.size.width, OffScreen::Mirror) {
-                let source = self.phases.element(qx);
-                return Some(Piece { first, len: 1, y, source, offset: (qx as i32 - x, self.dy) });
+                let at = self.phases.index(qx, y);
+                return Some(Piece { first, len: 1, y, at, real: (0, 1), offset: (qx as i32 - x, self.dy) });
             }
         }
         None
     }
+
+    /// The run, made up to whole vectors where memory allows: what lies beside it is read along and gets no weight.
+    /// The remainders of loops would cost more.
+    #[inline(always)]
+    fn piece(&self, span: Span, y: usize) -> Piece {
+        const VECTOR: usize = 16;
+        let Span { first, len, source } = span;
+        let at = y * self.phases.size.width + source;
+        let offset = (self.dx, self.dy);
+        let before = first % VECTOR;
+        let wide = (before + len).next_multiple_of(VECTOR);
+        if self.mirrored || at < before || at - before + wide > self.phases.size.pixels() {
+            return Piece { first, len, y, at, real: (0, len), offset };
+        }
+        Piece { first: first - before, len: wide, y, at: at - before, real: (before, before + len), offset }
+    }
 }
 
 #[inline(always)]
-fn row<const PERSPECTIVE: bool, const GLOSS: bool>(
+fn rows_of<const PERSPECTIVE: bool, const GLOSS: bool>(
     filter: &Filter<'_>,
     phases: &Phases,
     input: &Colours,
-    y: usize,
+    first_row: usize,
     out: &mut [f32],
 ) {
+    let mut scratch = Scratch { centres: Centres::new(), computed: Weights::new(), sums: [[0.0; RUN]; 3] };
+    let stride = input.stride(phases.size.width);
+    let length = run_length(phases.longest());
+    for first in (0..phases.longest()).step_by(length) {
+        for (k, out) in out.chunks_mut(stride).enumerate() {
+            for phase in 0..PERIOD {
+                if first < phases.count(phase) {
+                    let len = length.min(phases.count(phase) - first);
+                    let run = RunOf { y: first_row + k, phase, first, len };
+                    filter_run::<PERSPECTIVE, GLOSS>(filter, phases, input, run, &mut scratch, out);
+                }
+            }
+        }
+    }
+}
+
+struct Scratch {
+    centres: Centres,
+    computed: Weights,
+    sums: [Run; 3],
+}
+
+#[inline(always)]
+fn filter_run<const PERSPECTIVE: bool, const GLOSS: bool>(
+    filter: &Filter<'_>,
+    phases: &Phases,
+    input: &Colours,
+    run: RunOf,
+    scratch: &mut Scratch,
+    out: &mut [f32],
+) {
+    let Scratch { centres, computed, sums } = scratch;
     let guides = filter.guides;
     let width = phases.size.width;
     let view = &guides.now.view;
-    let own = input.row(width, y);
-    let mut centres = Centres::new();
-    let mut computed = Weights::new();
-    for phase in 0..PERIOD {
-        let taps = filter.spiral.phase((y % PERIOD) * PERIOD + phase);
-        let begin = phases.range(phase).start;
-        let count = phases.count(phase);
-        let length = run_length(count);
-        for first in (0..count).step_by(length) {
-            let n = length.min(count - first);
-            let p = guide_run(guides, y, begin + first, n);
-            let x = (PERIOD * first + phase) as f32;
-            centres.fill(view, &filter.gains, &p, x + 0.5 + guides.now.jitter.x, y as f32 + 0.5 + guides.now.jitter.y);
-            computed.total = [1.0; RUN];
-            let run = RunOf { y, phase, first, len: n };
-            for (k, tap) in taps.iter().enumerate() {
-                let mut pieces = Pieces::of(phases, run, (tap.dx, tap.dy), filter.shape.off_screen);
-                while let Some(piece) = pieces.next() {
-                    let q = guide_run(guides, piece.y, piece.source, piece.len);
-                    let lanes = piece.first..piece.first + piece.len;
-                    let of_tap = &mut computed.taps[k][lanes.clone()];
-                    let geometry = Tap::new(view, piece.offset.0, piece.offset.1);
-                    weights::<PERSPECTIVE, GLOSS>(&centres, piece.first, &q, &geometry, &filter.gains, of_tap);
-                    admit(tap.weight, of_tap, &mut computed.total[lanes]);
+    let RunOf { y, phase, first, len: n } = run;
+    let (own, colours) = (input.row(width, y), input.elements());
+    let taps = filter.spiral.phase((y % PERIOD) * PERIOD + phase);
+    let begin = phases.range(phase).start + first;
+    let p = guide_run(guides, y, y * width + begin, n);
+    let x = (PERIOD * first + phase) as f32;
+    centres.fill(view, &filter.gains, &p, x + 0.5 + guides.now.jitter.x, y as f32 + 0.5 + guides.now.jitter.y);
+    computed.total = [1.0; RUN];
+    for (k, tap) in taps.iter().enumerate() {
+        let mut pieces = Pieces::of(phases, run, (tap.dx, tap.dy), filter.shape.off_screen);
+        while let Some(piece) = pieces.next() {
+            let q = guide_run(guides, piece.y, piece.at, piece.len);
+            let lanes = piece.first..piece.first + piece.len;
+            let of_tap = &mut computed.taps[k][lanes.clone()];
+            let geometry = Tap::new(view, piece.offset.0, piece.offset.1);
+            weights::<PERSPECTIVE, GLOSS>(centres, piece.first, &q, &geometry, &filter.gains, of_tap);
+            piece.mask(of_tap);
+            admit(tap.weight, of_tap, &mut computed.total[lanes]);
+        }
+    }
+    for plane in 0..input.planes {
+        for c in 0..3 {
+            sums[c][..n].copy_from_slice(&channel(own, width, plane, c)[begin..][..n]);
+        }
+        for (k, tap) in taps.iter().enumerate() {
+            let mut pieces = Pieces::of(phases, run, (tap.dx, tap.dy), filter.shape.off_screen);
+            while let Some(piece) = pieces.next() {
+                let lanes = piece.first..piece.first + piece.len;
+                let of_tap = &computed.taps[k][lanes.clone()];
+                for c in 0..3 {
+                    let at = of_fields(piece.at, width, 3 * input.planes, piece.y, plane * 3 + c);
+                    gather(of_tap, &colours[at..][..piece.len], &mut sums[c][lanes.clone()]);
                 }
             }
-            for plane in 0..input.planes {
-                let mut sums = [[0.0f32; RUN]; 3];
-                for c in 0..3 {
-                    sums[c][..n].copy_from_slice(&channel(own, width, plane, c)[begin + first..][..n]);
-                }
-                for (k, tap) in taps.iter().enumerate() {
-                    let mut pieces = Pieces::of(phases, run, (tap.dx, tap.dy), filter.shape.off_screen);
-                    while let Some(piece) = pieces.next() {
-                        let source = input.row(width, piece.y);
-                        let lanes = piece.first..piece.first + piece.len;
-                        let of_tap = &computed.taps[k][lanes.clone()];
-                        for c in 0..3 {
-                            let colour = &channel(source, width, plane, c)[piece.source..][..piece.len];
-                            gather(of_tap, colour, &mut sums[c][lanes.clone()]);
-                        }
-                    }
-                }
-                for c in 0..3 {
-                    let centre = &channel(own, width, plane, c)[begin + first..][..n];
-                    let out = &mut out[(plane * 3 + c) * width..][..width][begin + first..][..n];
-                    finish(&sums[c], &computed.total, p.depth, centre, out);
-                }
-            }
+        }
+        for c in 0..3 {
+            let centre = &channel(own, width, plane, c)[begin..][..n];
+            let out = &mut out[(plane * 3 + c) * width + begin..][..n];
+            finish(&sums[c], &computed.total, p.depth, centre, out);
         }
     }
 }
