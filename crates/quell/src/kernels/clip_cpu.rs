@@ -11,6 +11,7 @@ const PADDED: usize = LANES + 16;
 type Padded = [f32; PADDED];
 
 /// One row's colours, YCoCg, and depths around a block of pixels of one phase.
+#[repr(align(64))]
 struct Line {
     colour: [Padded; 3],
     /// +inf: does not count.
@@ -64,6 +65,7 @@ impl Line {
 
 /// Least and greatest values, YCoCg, of the columns around a block of `LANES` pixels of each phase.
 #[derive(Debug)]
+#[repr(align(64))]
 pub(crate) struct Columns {
     low: [[Padded; 3]; PERIOD],
     high: [[Padded; 3]; PERIOD],
@@ -129,6 +131,7 @@ impl Columns {
 
 /// Sums over the columns around a block of `LANES` pixels of each phase: YCoCg, their squares, surfaces.
 #[derive(Debug)]
+#[repr(align(64))]
 pub(crate) struct Moments {
     /// Three sums, three sums of squares, the number.
     sums: [[Padded; 7]; PERIOD],

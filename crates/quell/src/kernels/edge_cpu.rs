@@ -64,6 +64,7 @@ pub(crate) struct GuideRun<'a> {
 
 /// What the weights need of the centre pixels.
 #[derive(Debug)]
+#[repr(align(64))] // vectors that straddle cache lines cost twice
 pub(crate) struct Centres {
     depth: Run,
     /// Kz / z_p.

@@ -20,6 +20,7 @@ const LEAST_FOOTPRINT: f32 = 1e-3;
 
 /// The pixels of a run, what they show, and what history must show there.
 #[derive(Debug)]
+#[repr(align(64))]
 pub(crate) struct Expected {
     /// Lanes that hold a pixel.
     pub n: usize,
@@ -176,7 +177,9 @@ fn normal_at(surfaces: &Surfaces, width: usize, y: usize, element: usize) -> [f3
 #[inline(always)]
 fn world(view: &Projection, u: f32, v: f32, depth: f32) -> [f32; 3] {
     let axis = |a: &[Vec3; 3], c: usize| a[0][c] + a[1][c] * u + a[2][c] * v;
-    three(|c| axis(&view.origin, c) + axis(&view.direction, c) * depth)
+    // All rays of a perspective camera come from one point: its other terms are zero.
+    let origin = three(|c| if view.perspective { view.origin[0][c] } else { axis(&view.origin, c) });
+    three(|c| origin[c] + axis(&view.direction, c) * depth)
 }
 
 /// [`Projection::pixel`] of a point (`w` = 1), [`Projection::pixel_of_direction`] (`w` = 0); false: behind the eye.
@@ -279,6 +282,7 @@ impl Segments {
 
 /// The four pixels of each lane's footprint: where they are and what they show.
 #[derive(Debug)]
+#[repr(align(64))]
 pub(crate) struct Footprint {
     segments: Segments,
     weight: [Lanes; 4],
@@ -286,6 +290,8 @@ pub(crate) struct Footprint {
     row: [Lanes; 4],
     place: [Place; 4],
     depth: [Lanes; 4],
+    /// World positions, as the last lookup found them.
+    position: [Lanes3; 4],
     normal: [Lanes3; 4],
     roughness: [Lanes; 4],
     id: [[u32; LANES]; 4],
@@ -294,6 +300,7 @@ pub(crate) struct Footprint {
 /// Up to four pixels of the previous image for each lane, with weights that add up to 1, and how far they are to be
 /// trusted.
 #[derive(Debug)]
+#[repr(align(64))]
 pub(crate) struct Lookup {
     pub segments: Segments,
     pub place: [Place; 4],
@@ -318,6 +325,7 @@ impl Footprint {
             row: [[0.0; LANES]; 4],
             place: [Place::default(); 4],
             depth: [[f32::INFINITY; LANES]; 4],
+            position: [[[0.0; LANES]; 3]; 4],
             normal: [[[0.0; LANES]; 3]; 4],
             roughness: [[0.0; LANES]; 4],
             id: [[0; LANES]; 4],
@@ -398,7 +406,14 @@ impl Footprint {
 
     /// Steps 4 and 6: each of the four pixels tested singly. `reflector`: by the tests of 6b.
     #[inline(always)]
-    pub fn look_up(&self, guides: &CpuGuides, settings: &Settings, e: &Expected, reflector: bool, found: &mut Lookup) {
+    pub fn look_up(
+        &mut self,
+        guides: &CpuGuides,
+        settings: &Settings,
+        e: &Expected,
+        reflector: bool,
+        found: &mut Lookup,
+    ) {
         let (surface, glossy) = (&settings.surface, &settings.glossy_temporal);
         let least_cosine = if reflector { glossy.reflector_normal_min } else { surface.normal_min };
         // Never by point distance on a reflector: there the previous surface is another point of the mirror.
@@ -432,6 +447,9 @@ impl Footprint {
             for i in 0..LANES {
                 let (u, v) = (self.column[k][i] + 0.5 + before.jitter.x, self.row[k][i] + 0.5 + before.jitter.y);
                 let there = world(&before.view, u, v, self.depth[k][i]);
+                self.position[k][0][i] = there[0];
+                self.position[k][1][i] = there[1];
+                self.position[k][2][i] = there[2];
                 let (was_at, was_facing) = (lane(&e.was_at, i), lane(&e.was_facing, i));
                 let offset = three(|c| there[c] - was_at[c]);
                 distance[i] = dot(offset, was_facing).abs();
@@ -482,13 +500,11 @@ pub(crate) fn previous_reflectors(
     alive: &[u32; LANES],
     e: &mut Expected,
 ) {
-    let before = &guides.before;
     for i in 0..LANES {
         let (mut position, mut normal) = ([0.0; 3], [0.0; 3]);
         for k in 0..4 {
             let weight = visible.weight[k][i];
-            let (u, v) = (footprint.column[k][i] + 0.5 + before.jitter.x, footprint.row[k][i] + 0.5 + before.jitter.y);
-            let there = world(&before.view, u, v, footprint.depth[k][i]);
+            let there = lane(&footprint.position[k], i);
             for c in 0..3 {
                 position[c] = if weight > 0.0 { position[c] + weight * there[c] } else { position[c] };
                 normal[c] = if weight > 0.0 { normal[c] + weight * footprint.normal[k][c][i] } else { normal[c] };
@@ -497,16 +513,16 @@ pub(crate) fn previous_reflectors(
         let scale = 1.0 / dot(normal, normal).sqrt();
         let known = (scale > 0.0) & (scale < f32::INFINITY);
         let normal = three(|c| if known { normal[c] * scale } else { 0.0 });
-        let distance = |n: [f32; 3]| {
+        let squared_distance = |n: [f32; 3]| {
             let d = three(|c| n[c] - normal[c]);
-            dot(d, d).sqrt()
+            dot(d, d)
         };
         let mut spread = 0.0;
         for k in 0..4 {
-            let d = distance(lane(&footprint.normal[k], i));
+            let d = squared_distance(lane(&footprint.normal[k], i));
             spread = if (visible.weight[k][i] > 0.0) & (d > spread) { d } else { spread };
         }
-        let turned = distance(lane(&e.normal, i)) > spread + SAME_NORMAL;
+        let turned = squared_distance(lane(&e.normal, i)).sqrt() > spread.sqrt() + SAME_NORMAL;
         let offset = three(|c| e.position[c][i] - position[c]);
         let shifted = dot(offset, normal).abs() > SAME_PLANE_PX * guides.now.view.pixel_size(e.depth[i]);
         let moved = (e.moved[i] != 0) | turned | shifted;

@@ -96,20 +96,52 @@ impl Around {
 
 #[inline(always)]
 fn values(guides: &CpuGuides, phases: &Phases, settings: &Firefly, input: &Colours, y: usize, out: &mut [f32]) {
-    let width = phases.size.width;
+    let (width, height) = (phases.size.width, phases.size.height);
     let mut v = [[0.0; RUN]; NEIGHBOURS];
     for phase in 0..PERIOD {
         for first in (0..phases.count(phase)).step_by(RUN) {
             let n = RUN.min(phases.count(phase) - first);
             let around = Around::new(guides, phases, y, phase, first, n);
+            let begin = phases.range(phase).start + first;
+            let whole = |dx| phases.shifted(phase, first, n, dx).filter(|s| s.len == RUN).map(|s| s.source);
             for c in 0..3 {
-                around.load(phases, input, 0, c, &mut v);
                 let mut result = [0.0; RUN];
-                for i in 0..RUN {
-                    let (own, middle) = (v[MIDDLE][i], median(lane(&v, i)));
-                    result[i] = if is_replaced(settings, own, middle) { middle } else { own };
+                // Away from the edges the neighbours are read where they lie.
+                if let (Some(left), Some(middle), Some(right), true) =
+                    (whole(-1), whole(0), whole(1), y > 0 && y + 1 < height)
+                {
+                    let source = |k: usize| {
+                        let row = channel(input.row(width, y + k / 3 - 1), width, 0, c);
+                        &row[[left, middle, right][k % 3]..][..RUN]
+                    };
+                    let [s0, s1, s2] = [source(0), source(1), source(2)];
+                    let [s3, s4, s5] = [source(3), source(4), source(5)];
+                    let [s6, s7, s8] = [source(6), source(7), source(8)];
+                    let counts = &around.counts;
+                    for i in 0..RUN {
+                        let own = s4[i];
+                        let pick = |k: usize, value: f32| if counts[k][i] != 0 { value } else { own };
+                        let middle = median([
+                            pick(0, s0[i]),
+                            pick(1, s1[i]),
+                            pick(2, s2[i]),
+                            pick(3, s3[i]),
+                            own,
+                            pick(5, s5[i]),
+                            pick(6, s6[i]),
+                            pick(7, s7[i]),
+                            pick(8, s8[i]),
+                        ]);
+                        result[i] = if is_replaced(settings, own, middle) { middle } else { own };
+                    }
+                } else {
+                    around.load(phases, input, 0, c, &mut v);
+                    for i in 0..RUN {
+                        let (own, middle) = (v[MIDDLE][i], median(lane(&v, i)));
+                        result[i] = if is_replaced(settings, own, middle) { middle } else { own };
+                    }
                 }
-                out[c * width + phases.range(phase).start + first..][..n].copy_from_slice(&result[..n]);
+                out[c * width + begin..][..n].copy_from_slice(&result[..n]);
             }
         }
     }

@@ -108,8 +108,16 @@ fn row<const PERSPECTIVE: bool, const GLOSS: bool>(
     let view = &guides.now.view;
     let (own, colours) = (input.row(width, y), input.elements());
     let mut centres = Centres::new();
-    let (mut exponent, mut falloff, mut computed): (Run, Run, Run) = ([0.0; RUN], [0.0; RUN], [0.0; RUN]);
-    let mut sums = [[[0.0f32; RUN]; 3]; PLANES];
+    let mut scratch = Scratch {
+        radius: [0.0; RUN],
+        exponent: [0.0; RUN],
+        falloff: [0.0; RUN],
+        computed: [0.0; RUN],
+        total: [1.0; RUN],
+        ceilings: [[f32::INFINITY; RUN]; 2],
+        sums: [[[0.0; RUN]; 3]; PLANES],
+    };
+    let Scratch { radius, exponent, falloff, computed, total, ceilings, sums } = &mut scratch;
     for phase in 0..PERIOD {
         let begin = phases.range(phase).start;
         let count = phases.count(phase);
@@ -117,7 +125,7 @@ fn row<const PERSPECTIVE: bool, const GLOSS: bool>(
         for first in (0..count).step_by(length) {
             let n = length.min(count - first);
             let p = guide_run(guides, y, y * width + begin + first, n);
-            let mut radius: Run = [0.0; RUN];
+            *radius = [0.0; RUN];
             radius[..n].copy_from_slice(&filter.radius[y * width + begin + first..][..n]);
             let widest = radius.iter().fold(0.0f32, |a, b| if a > *b { a } else { *b });
             let reach = (1..=kernel.reach).take_while(|k| (k * kernel.step_px) as f32 <= widest).count();
@@ -134,12 +142,14 @@ fn row<const PERSPECTIVE: bool, const GLOSS: bool>(
                         sums[k][c][..n].copy_from_slice(&channel(own, width, plane + k, c)[begin + first..][..n]);
                     }
                 }
-                let mut total: Run = [1.0; RUN];
-                let mut ceilings = [[f32::INFINITY; RUN]; 2];
+                *total = [1.0; RUN];
+                if filter.settings.edge.monotone {
+                    *ceilings = [[f32::INFINITY; RUN]; 2];
+                }
                 for tap in 1..=reach {
                     let offset = (tap * kernel.step_px) as i32;
-                    gaussian(offset as f32, &exponent, &radius, &mut falloff[..n]);
-                    for (side, ceiling) in [-1i32, 1].into_iter().zip(&mut ceilings) {
+                    gaussian(offset as f32, exponent, radius, &mut falloff[..n]);
+                    for (side, ceiling) in [-1i32, 1].into_iter().zip(ceilings.iter_mut()) {
                         let offset = match filter.axis {
                             Axis::Horizontal => (side * offset, 0),
                             Axis::Vertical => (0, side * offset),
@@ -169,13 +179,25 @@ fn row<const PERSPECTIVE: bool, const GLOSS: bool>(
                     for c in 0..3 {
                         let centre = &channel(own, width, plane + k, c)[begin + first..][..n];
                         let out = &mut out[((plane + k) * 3 + c) * width..][..width][begin + first..][..n];
-                        finish(&sums[k][c], &total, &radius, centre, out);
+                        finish(&sums[k][c], total, radius, centre, out);
                     }
                 }
                 plane += together;
             }
         }
     }
+}
+
+/// What a run needs; vectors that straddle cache lines cost twice.
+#[repr(align(64))]
+struct Scratch {
+    radius: Run,
+    exponent: Run,
+    falloff: Run,
+    computed: Run,
+    total: Run,
+    ceilings: [Run; 2],
+    sums: [[Run; 3]; PLANES],
 }
 
 /// Planes whose sums are kept at once.

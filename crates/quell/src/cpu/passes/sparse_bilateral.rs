@@ -181,6 +181,7 @@ fn rows_of<const PERSPECTIVE: bool, const GLOSS: bool>(
     }
 }
 
+#[repr(align(64))]
 struct Scratch {
     centres: Centres,
     computed: Weights,

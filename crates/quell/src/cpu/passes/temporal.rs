@@ -12,7 +12,7 @@ use crate::kernels::temporal::Blend;
 use crate::plane::Plane;
 use crate::settings::{Clip, Settings};
 use crate::stages::glossy_temporal::cpu::reflect;
-use crate::stages::matte_temporal::cpu::{Shares, blend_lanes, clamp, fetch, fetch_scalar, load};
+use crate::stages::matte_temporal::cpu::{Shares, blend_lanes, blend_unclamped, clamp, fetch, fetch_scalar, load};
 use fearless_simd::{Level, dispatch};
 
 /// What a pass needs besides its images.
@@ -137,13 +137,13 @@ fn row(
             load(now, width, 0, begin, n, &mut beauty_now);
             fetch(history.colours, width, 0, &lookup, &mut beauty_then);
             match weights.clip {
-                Clip::Off => {
-                    (low, high) = ([[f32::NEG_INFINITY; LANES]; 3], [[f32::INFINITY; LANES]; 3]);
-                }
+                Clip::Off => {}
                 Clip::Box => columns.boxes(phase, radius, &mut low, &mut high),
                 Clip::Sigma => moments.boxes(phase, radius, weights.clip_gamma, &mut low, &mut high),
             }
-            clamp(&beauty_then, &beauty_now, &low, &high, &mut beauty_clamped);
+            if weights.clip != Clip::Off {
+                clamp(&beauty_then, &beauty_now, &low, &high, &mut beauty_clamped);
+            }
             for plane in 0..current.planes {
                 load(now, width, plane, begin, n, &mut value);
                 if plane == 0 {
@@ -151,8 +151,12 @@ fn row(
                 } else {
                     fetch(history.colours, width, plane, &lookup, &mut then);
                 }
-                let beauty = (&beauty_then, &beauty_clamped, &beauty_now);
-                blend_lanes(&value, &then, &shares.history, beauty, &mut result);
+                if weights.clip == Clip::Off {
+                    blend_unclamped(&value, &then, &shares.history, &mut result);
+                } else {
+                    let beauty = (&beauty_then, &beauty_clamped, &beauty_now);
+                    blend_lanes(&value, &then, &shares.history, beauty, &mut result);
+                }
                 for c in 0..3 {
                     out[(plane * 3 + c) * width + begin..][..n].copy_from_slice(&result[c][..n]);
                 }

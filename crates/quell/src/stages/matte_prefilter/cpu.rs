@@ -7,6 +7,7 @@ pub(crate) const MOST_TAPS: usize = 64;
 
 /// The weights of all taps of a run of pixels, and their sum with the centre's.
 #[derive(Debug)]
+#[repr(align(64))] // vectors that straddle cache lines cost twice
 pub(crate) struct Weights {
     pub taps: [Run; MOST_TAPS],
     pub total: Run,

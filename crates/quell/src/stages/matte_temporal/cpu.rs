@@ -9,6 +9,7 @@ use crate::plane::Plane;
 
 /// How much history counts in each lane, and what is remembered of it.
 #[derive(Debug)]
+#[repr(align(64))]
 pub(crate) struct Shares {
     /// Share of history, 0..1.
     pub history: Lanes,
@@ -122,6 +123,17 @@ pub(crate) fn blend_lanes(
         let blended = blend(now, at(history), share[i], (at(beauty.0), at(beauty.1), at(beauty.2)));
         for c in 0..3 {
             out[c][i] = if share[i] > 0.0 { blended[c] } else { now[c] };
+        }
+    }
+}
+
+/// As [`blend_lanes`] where nothing was clamped.
+#[inline(always)]
+pub(crate) fn blend_unclamped(current: &Lanes3, history: &Lanes3, share: &Lanes, out: &mut Lanes3) {
+    for c in 0..3 {
+        for i in 0..LANES {
+            let blended = share[i] * history[c][i] + (1.0 - share[i]) * current[c][i];
+            out[c][i] = if share[i] > 0.0 { blended } else { current[c][i] };
         }
     }
 }
