@@ -246,7 +246,8 @@ impl Integrator<'_, '_> {
             return Vec3::ZERO;
         }
         rays.shadow += 1;
-        if self.world.geometry.occluded(point.ray_origin(light.wi), light.wi, light.distance) {
+        let (origin, direction, distance) = point.shadow_ray(light.wi, light.distance);
+        if self.world.geometry.occluded(origin, direction, distance) {
             return Vec3::ZERO;
         }
         let weight = if light.delta { 1.0 } else { power_heuristic(light.pdf, bsdf.pdf(light.wi)) };
@@ -298,7 +299,8 @@ impl Integrator<'_, '_> {
                 return;
             }
             rays.shadow += 1;
-            if self.world.geometry.occluded(point.ray_origin(light.wi), light.wi, light.distance) {
+            let (origin, direction, distance) = point.shadow_ray(light.wi, light.distance);
+            if self.world.geometry.occluded(origin, direction, distance) {
                 return;
             }
             let density = n_light * light.pdf + if light.delta { 0.0 } else { lobe_density(light.wi) };

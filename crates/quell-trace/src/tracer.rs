@@ -15,7 +15,7 @@ use std::ops::Range;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Changes whenever the tracer's pictures change: part of the key of every cached reference.
-pub const TRACER_VERSION: u32 = 3;
+pub const TRACER_VERSION: u32 = 4;
 
 /// Largest extent of an image.
 pub const SIZE_LIMIT: usize = 32768;

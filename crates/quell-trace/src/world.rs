@@ -47,6 +47,22 @@ impl SurfacePoint {
         let side = if self.geometric_normal.dot(direction) >= 0.0 { 1.0 } else { -1.0 };
         self.position + self.geometric_normal * (side * self.offset)
     }
+
+    /// A shadow ray to what lies `distance` away along the unit `direction`: origin, direction and length.
+    ///
+    /// It aims at the same point of the light from the shifted origin, and ends as far before it as it starts off the
+    /// surface: with the length of the unshifted ray the light itself would stand in the way where the shift is not
+    /// small against it (far from the world's origin).
+    #[inline]
+    pub(crate) fn shadow_ray(&self, direction: Vec3, distance: f32) -> (Vec3, Vec3, f32) {
+        let origin = self.ray_origin(direction);
+        if !distance.is_finite() {
+            return (origin, direction, distance);
+        }
+        let to_light = self.position + direction * distance - origin;
+        let length = to_light.length();
+        (origin, to_light / length, (length - self.offset).max(0.0))
+    }
 }
 
 /// A triangle that emits.

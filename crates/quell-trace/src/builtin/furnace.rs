@@ -25,8 +25,8 @@ pub(super) const INFO: SceneInfo = SceneInfo {
 const BOX_ALBEDO: f32 = 0.6;
 /// Radiance that its walls emit.
 const BOX_EMISSION: f32 = 0.4;
-/// Distance between bodies of radius 1: each covers 3e-7 of the others' sky.
-const APART: f32 = 2000.0;
+/// Distance between bodies of radius 1: each covers 6e-6 of the others' sky.
+const APART: f32 = 200.0;
 
 pub(super) fn build() -> Scene {
     let mut scene = Scene::new(INFO.name);
