@@ -229,11 +229,14 @@ fn scatter<const N: usize>(
 ) {
     let width = phases.size.width;
     for phase in 0..PERIOD {
-        let of_phase = source.iter().skip(phase).step_by(PERIOD);
-        for (e, value) in phases.range(phase).zip(of_phase) {
+        let n = phases.count(phase);
+        let mut fields = row.chunks_exact_mut(width).map(|f| &mut f[phases.range(phase)]);
+        // Slices of one known length: no bounds check is left in the loop.
+        let fields: [&mut [f32]; N] = std::array::from_fn(|_| fields.next().map_or(&mut [][..], |f| &mut f[..n]));
+        for (i, value) in source.iter().skip(phase).step_by(PERIOD).take(n).enumerate() {
             let value = clean(*value);
             for c in 0..N {
-                row[c * width + e] = value[c];
+                fields[c][i] = value[c];
             }
         }
     }

@@ -121,6 +121,15 @@ pub(crate) fn channel(row: &[f32], width: usize, plane: usize, c: usize) -> &[f3
     &row[(plane * 3 + c) * width..][..width]
 }
 
+/// Copies a slice; where it is `N` long, as it nearly always is, without a call.
+#[inline(always)]
+pub(crate) fn copy<const N: usize, T: Copy>(target: &mut [T], source: &[T]) {
+    match (<&mut [T; N]>::try_from(&mut *target), <&[T; N]>::try_from(source)) {
+        (Ok(target), Ok(source)) => *target = *source,
+        _ => target.copy_from_slice(source),
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

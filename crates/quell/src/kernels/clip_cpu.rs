@@ -3,7 +3,7 @@
 
 use super::math::ycocg_from_rgb;
 use super::reproject_cpu::{LANES, Lanes3};
-use crate::cpu::layout::{Colours, Phases, channel};
+use crate::cpu::layout::{Colours, Phases, channel, copy};
 use crate::kernels::spiral::PERIOD;
 
 /// Lanes with one more on either side (windows reach at most [`PERIOD`] columns), filled up to whole vectors.
@@ -46,11 +46,11 @@ impl Line {
         let row = current.row(width, y);
         let mut rgb = [[0.0; PADDED]; 3];
         for c in 0..3 {
-            rgb[c][lane..][..n].copy_from_slice(&channel(row, width, 0, c)[at..][..n]);
+            copy::<{ LANES + 2 }, _>(&mut rgb[c][lane..][..n], &channel(row, width, 0, c)[at..][..n]);
         }
         self.depth = [f32::INFINITY; PADDED];
         match depth {
-            Some(depth) => self.depth[lane..][..n].copy_from_slice(&depth[y * width + at..][..n]),
+            Some(depth) => copy::<{ LANES + 2 }, _>(&mut self.depth[lane..][..n], &depth[y * width + at..][..n]),
             None => self.depth[lane..][..n].fill(0.0),
         }
         for i in 0..PADDED {

@@ -4,6 +4,7 @@
 use super::math::three;
 use crate::camera::Projection;
 use crate::cpu::guides::{CpuGuides, Surfaces, field};
+use crate::cpu::layout::copy;
 use crate::kernels::spiral::PERIOD;
 use crate::settings::{HitFilter, Rejection, Settings, Surface as SurfaceSettings};
 use glam::{Vec2, Vec3};
@@ -82,15 +83,15 @@ impl Expected {
         self.n = n;
         self.y = y;
         self.depth = [f32::INFINITY; LANES];
-        self.depth[..n].copy_from_slice(&field(&now.depth, width, 1, y, 0)[begin..][..n]);
+        copy::<LANES, _>(&mut self.depth[..n], &field(&now.depth, width, 1, y, 0)[begin..][..n]);
         for c in 0..3 {
-            self.normal[c][..n].copy_from_slice(&field(&now.normal, width, 3, y, c)[begin..][..n]);
+            copy::<LANES, _>(&mut self.normal[c][..n], &field(&now.normal, width, 3, y, c)[begin..][..n]);
         }
         for c in 0..2 {
-            self.motion[c][..n].copy_from_slice(&field(&guides.motion, width, 2, y, c)[begin..][..n]);
+            copy::<LANES, _>(&mut self.motion[c][..n], &field(&guides.motion, width, 2, y, c)[begin..][..n]);
         }
-        self.roughness[..n].copy_from_slice(&field(&now.roughness, width, 1, y, 0)[begin..][..n]);
-        self.id[..n].copy_from_slice(&field(&now.id, width, 1, y, 0)[begin..][..n]);
+        copy::<LANES, _>(&mut self.roughness[..n], &field(&now.roughness, width, 1, y, 0)[begin..][..n]);
+        copy::<LANES, _>(&mut self.id[..n], &field(&now.id, width, 1, y, 0)[begin..][..n]);
         let row = y as f32 + 0.5;
         let v = row + now.jitter.y;
         let (view, previous) = (&now.view, &guides.previous_view);
@@ -242,7 +243,7 @@ pub(crate) struct Segments {
 }
 
 impl Segments {
-    fn new() -> Self {
+    pub fn new() -> Self {
         Self { runs: [(0, 0); LANES], count: 0, single: [0; LANES] }
     }
 
@@ -251,7 +252,7 @@ impl Segments {
 
     /// Finds the runs among living lanes of a phase; `base`: column and row of the first of the four pixels.
     #[inline(always)]
-    fn find(&mut self, base: &[[i32; LANES]; 2], alive: &[u32; LANES], width: i32, height: i32) {
+    pub fn find(&mut self, base: &[[i32; LANES]; 2], alive: &[u32; LANES], width: i32, height: i32) {
         self.count = 0;
         self.single = *alive;
         let mut joins = [0u32; LANES];
@@ -284,11 +285,11 @@ impl Segments {
 #[derive(Debug)]
 #[repr(align(64))]
 pub(crate) struct Footprint {
-    segments: Segments,
+    pub segments: Segments,
     weight: [Lanes; 4],
     column: [Lanes; 4],
     row: [Lanes; 4],
-    place: [Place; 4],
+    pub place: [Place; 4],
     depth: [Lanes; 4],
     /// World positions, as the last lookup found them.
     position: [Lanes3; 4],
@@ -302,9 +303,7 @@ pub(crate) struct Footprint {
 #[derive(Debug)]
 #[repr(align(64))]
 pub(crate) struct Lookup {
-    pub segments: Segments,
-    pub place: [Place; 4],
-    /// Weights; 0 for pixels that show something else.
+    /// Weights of the footprint's pixels; 0 for those that show something else.
     pub weight: [Lanes; 4],
     /// rho, 0..1; 0: there is no history.
     pub trust: Lanes,
@@ -312,7 +311,7 @@ pub(crate) struct Lookup {
 
 impl Lookup {
     pub fn new() -> Self {
-        Self { segments: Segments::new(), place: [Place::default(); 4], weight: [[0.0; LANES]; 4], trust: [0.0; LANES] }
+        Self { weight: [[0.0; LANES]; 4], trust: [0.0; LANES] }
     }
 }
 
@@ -364,15 +363,18 @@ impl Footprint {
                 self.place[k].column[first] = x as u32;
                 self.place[k].element[first] = element as u32;
                 self.place[k].row[first] = y as u32;
-                self.depth[k][first..][..n].copy_from_slice(&field(&before.depth, width, 1, y, 0)[element..][..n]);
-                self.id[k][first..][..n].copy_from_slice(&field(&before.id, width, 1, y, 0)[element..][..n]);
+                copy::<LANES, _>(
+                    &mut self.depth[k][first..][..n],
+                    &field(&before.depth, width, 1, y, 0)[element..][..n],
+                );
+                copy::<LANES, _>(&mut self.id[k][first..][..n], &field(&before.id, width, 1, y, 0)[element..][..n]);
                 for c in 0..3 {
                     let source = &field(&before.normal, width, 3, y, c)[element..][..n];
-                    self.normal[k][c][first..][..n].copy_from_slice(source);
+                    copy::<LANES, _>(&mut self.normal[k][c][first..][..n], source);
                 }
                 if roughness {
                     let source = &field(&before.roughness, width, 1, y, 0)[element..][..n];
-                    self.roughness[k][first..][..n].copy_from_slice(source);
+                    copy::<LANES, _>(&mut self.roughness[k][first..][..n], source);
                 }
             }
         }
@@ -423,8 +425,6 @@ impl Footprint {
             Rejection::Point | Rejection::Plane => Rejection::Plane,
         };
         let before = &guides.before;
-        found.place = self.place;
-        found.segments = self.segments;
         let mut total = [0.0; LANES];
         let mut trusted = [0.0; LANES];
         let (least_difference, near) = match rejection {
@@ -591,7 +591,7 @@ pub(crate) fn filtered_hits(
     let (phases, size) = (&guides.phases, guides.phases.size);
     let row = |y: usize| &guides.glossy_hit[y * size.width..][..size.width];
     let begin = phases.range(phase).start + first;
-    hits[..e.n].copy_from_slice(&row(e.y)[begin..][..e.n]);
+    copy::<LANES, _>(&mut hits[..e.n], &row(e.y)[begin..][..e.n]);
     let mut values = [[0.0f32; LANES]; 9];
     let mut counts = [[0u32; LANES]; 9];
     if filter == HitFilter::Off {

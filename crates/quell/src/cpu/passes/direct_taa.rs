@@ -1,10 +1,10 @@
 //! The schedule of stage 11: as that of the temporal stages.
 
 use crate::cpu::guides::{CpuGuides, field};
-use crate::cpu::layout::{Colours, Phases};
+use crate::cpu::layout::{Colours, Phases, copy};
 use crate::cpu::rows;
 use crate::kernels::clip_cpu::Columns;
-use crate::kernels::reproject_cpu::{LANES, Lanes, Lanes3};
+use crate::kernels::reproject_cpu::{LANES, Lanes, Lanes3, Segments};
 use crate::kernels::spiral::PERIOD;
 use crate::settings::{DirectTaa, REFERENCE_ROWS};
 use crate::stages::direct_taa::cpu::{resolve, trust};
@@ -55,7 +55,7 @@ fn row(
             }
             let mut trusted = [1.0; LANES];
             if !guides.confidence_in.is_empty() {
-                trusted[..n].copy_from_slice(&guides.confidence_in[y * width + begin..][..n]);
+                copy::<LANES, _>(&mut trusted[..n], &guides.confidence_in[y * width + begin..][..n]);
             }
             let mut share = [0.0; LANES];
             trust(settings, falloff_px, &motion, &coordinate, extent, &trusted, &mut share);
@@ -67,7 +67,7 @@ fn row(
             let mut result = [[0.0; LANES]; 3];
             resolve(settings, &share, &now, &fetched, (&low, &high), &mut result);
             for c in 0..3 {
-                out[c * width + begin..][..n].copy_from_slice(&result[c][..n]);
+                copy::<LANES, _>(&mut out[c * width + begin..][..n], &result[c][..n]);
             }
         }
     }
@@ -84,7 +84,7 @@ fn nearest_motion(
     let mut motion = [[f32::NAN; LANES]; 2];
     let begin = phases.range(phase).start + first;
     for c in 0..2 {
-        motion[c][..n].copy_from_slice(&field(&guides.motion, width, 2, y, c)[begin..][..n]);
+        copy::<LANES, _>(&mut motion[c][..n], &field(&guides.motion, width, 2, y, c)[begin..][..n]);
     }
     let mut nearest = [f32::INFINITY; LANES];
     let [mx, my] = &mut motion;
@@ -117,21 +117,44 @@ fn bilinear(phases: &Phases, history: &Colours, coordinate: &[Lanes; 2], share: 
     let data = history.elements();
     let stride = history.stride(width);
     let mut out = [[0.0; LANES]; 3];
+    let mut counts = [0u32; LANES];
+    let (mut base, mut corner, mut part) = ([[0i32; LANES]; 2], [[0.0; LANES]; 2], [[0.0; LANES]; 2]);
+    for axis in 0..2 {
+        for i in 0..LANES {
+            counts[i] = u32::from((i < n) & (share[i] > 0.0));
+            let c = if counts[i] != 0 { coordinate[axis][i] } else { 0.0 } - 0.5;
+            corner[axis][i] = c.floor();
+            part[axis][i] = c - corner[axis][i];
+            base[axis][i] = corner[axis][i] as i32;
+        }
+    }
+    let mix = |a: f32, b: f32, t: f32| a * (1.0 - t) + b * t;
+    let mut segments = Segments::new();
+    segments.find(&base, &counts, width as i32, height as i32);
+    for &(first, n) in &segments.runs[..segments.count] {
+        let (x, y) = (base[0][first] as usize, base[1][first] as usize);
+        let (left, right) = (y * stride + phases.element(x), y * stride + phases.element(x + 1));
+        let (tx, ty) = (&part[0][first..][..n], &part[1][first..][..n]);
+        for c in 0..3 {
+            let row = |at: usize| &data[at + c * width..][..n];
+            let (a, b, p, q) = (row(left), row(right), row(left + stride), row(right + stride));
+            let out = &mut out[c][first..][..n];
+            for i in 0..n {
+                out[i] = mix(mix(a[i], b[i], tx[i]), mix(p[i], q[i], tx[i]), ty[i]);
+            }
+        }
+    }
     for i in 0..n {
-        if share[i] <= 0.0 {
+        if segments.single[i] == 0 {
             continue;
         }
-        let (cx, cy) = (coordinate[0][i] - 0.5, coordinate[1][i] - 0.5);
-        let (bx, by) = (cx.floor(), cy.floor());
-        let (tx, ty) = (cx - bx, cy - by);
+        let (bx, by, tx, ty) = (corner[0][i], corner[1][i], part[0][i], part[1][i]);
         let hold = |v: f32, extent: usize| (v.max(0.0) as usize).min(extent - 1);
         let (x0, x1) = (phases.element(hold(bx, width)), phases.element(hold(bx + 1.0, width)));
         let (y0, y1) = (hold(by, height) * stride, hold(by + 1.0, height) * stride);
         for c in 0..3 {
             let at = |x: usize, y: usize| data[y + c * width + x];
-            let top = at(x0, y0) * (1.0 - tx) + at(x1, y0) * tx;
-            let bottom = at(x0, y1) * (1.0 - tx) + at(x1, y1) * tx;
-            out[c][i] = top * (1.0 - ty) + bottom * ty;
+            out[c][i] = mix(mix(at(x0, y0), at(x1, y0), tx), mix(at(x0, y1), at(x1, y1), tx), ty);
         }
     }
     out

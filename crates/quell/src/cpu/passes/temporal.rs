@@ -2,7 +2,7 @@
 //! is collected, then computed on together.
 
 use crate::cpu::guides::{CpuGuides, field};
-use crate::cpu::layout::{Colours, Phases};
+use crate::cpu::layout::{Colours, Phases, copy};
 use crate::cpu::rows;
 use crate::frame::Signal;
 use crate::kernels::clip_cpu::{Columns, Moments};
@@ -127,7 +127,7 @@ fn row(
                     lookup.trust[i] *= trust[i];
                 }
             }
-            fetch_scalar(history.length, &lookup, &mut old_length);
+            fetch_scalar(history.length, (&footprint, &lookup), &mut old_length);
             shares.weigh(weights, &lookup.trust, &old_length, &expected.depth);
             for i in 0..n {
                 confidence[x + PERIOD * i] = shares.confidence[i];
@@ -135,7 +135,7 @@ fn row(
             }
 
             load(now, width, 0, begin, n, &mut beauty_now);
-            fetch(history.colours, width, 0, &lookup, &mut beauty_then);
+            fetch(history.colours, width, 0, (&footprint, &lookup), &mut beauty_then);
             match weights.clip {
                 Clip::Off => {}
                 Clip::Box => columns.boxes(phase, radius, &mut low, &mut high),
@@ -149,7 +149,7 @@ fn row(
                 if plane == 0 {
                     then = beauty_then;
                 } else {
-                    fetch(history.colours, width, plane, &lookup, &mut then);
+                    fetch(history.colours, width, plane, (&footprint, &lookup), &mut then);
                 }
                 if weights.clip == Clip::Off {
                     blend_unclamped(&value, &then, &shares.history, &mut result);
@@ -158,7 +158,7 @@ fn row(
                     blend_lanes(&value, &then, &shares.history, beauty, &mut result);
                 }
                 for c in 0..3 {
-                    out[(plane * 3 + c) * width + begin..][..n].copy_from_slice(&result[c][..n]);
+                    copy::<LANES, _>(&mut out[(plane * 3 + c) * width + begin..][..n], &result[c][..n]);
                 }
             }
         }

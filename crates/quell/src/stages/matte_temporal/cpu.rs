@@ -1,8 +1,8 @@
 //! Stages 3 and 8 once they know where history lies, on runs of pixels: fetch, clamp, blend.
 
-use crate::cpu::layout::{Colours, channel};
+use crate::cpu::layout::{Colours, channel, copy};
 use crate::kernels::clip::ColourBox;
-use crate::kernels::reproject_cpu::{LANES, Lanes, Lanes3, Lookup};
+use crate::kernels::reproject_cpu::{Footprint, LANES, Lanes, Lanes3, Lookup};
 use crate::kernels::spiral::PERIOD;
 use crate::kernels::temporal::{Blend, blend, clamp_history};
 use crate::plane::Plane;
@@ -38,13 +38,13 @@ impl Shares {
 
 /// Weighted mean of up to four previous pixels of a scalar in the host's order.
 #[inline(always)]
-pub(crate) fn fetch_scalar(plane: &Plane<f32>, lookup: &Lookup, out: &mut Lanes) {
+pub(crate) fn fetch_scalar(plane: &Plane<f32>, (footprint, lookup): (&Footprint, &Lookup), out: &mut Lanes) {
     let width = plane.size().width;
     let data = plane.data();
     *out = [0.0; LANES];
     for k in 0..4 {
-        let (place, weight) = (&lookup.place[k], &lookup.weight[k]);
-        for &(first, n) in &lookup.segments.runs[..lookup.segments.count] {
+        let (place, weight) = (&footprint.place[k], &lookup.weight[k]);
+        for &(first, n) in &footprint.segments.runs[..footprint.segments.count] {
             let at = place.row[first] as usize * width + place.column[first] as usize;
             let source = data[at..].iter().step_by(PERIOD);
             for ((out, weight), value) in out[first..][..n].iter_mut().zip(&weight[first..][..n]).zip(source) {
@@ -52,7 +52,7 @@ pub(crate) fn fetch_scalar(plane: &Plane<f32>, lookup: &Lookup, out: &mut Lanes)
             }
         }
         for i in 0..LANES {
-            if lookup.segments.single[i] != 0 && weight[i] > 0.0 {
+            if footprint.segments.single[i] != 0 && weight[i] > 0.0 {
                 out[i] += weight[i] * data[place.row[i] as usize * width + place.column[i] as usize];
             }
         }
@@ -61,13 +61,19 @@ pub(crate) fn fetch_scalar(plane: &Plane<f32>, lookup: &Lookup, out: &mut Lanes)
 
 /// Weighted mean of up to four previous pixels of a plane.
 #[inline(always)]
-pub(crate) fn fetch(history: &Colours, width: usize, plane: usize, lookup: &Lookup, out: &mut Lanes3) {
+pub(crate) fn fetch(
+    history: &Colours,
+    width: usize,
+    plane: usize,
+    (footprint, lookup): (&Footprint, &Lookup),
+    out: &mut Lanes3,
+) {
     let data = history.elements();
     let stride = history.stride(width);
     *out = [[0.0; LANES]; 3];
     for k in 0..4 {
-        let (place, weight) = (&lookup.place[k], &lookup.weight[k]);
-        for &(first, n) in &lookup.segments.runs[..lookup.segments.count] {
+        let (place, weight) = (&footprint.place[k], &lookup.weight[k]);
+        for &(first, n) in &footprint.segments.runs[..footprint.segments.count] {
             let at = place.row[first] as usize * stride + plane * 3 * width + place.element[first] as usize;
             for c in 0..3 {
                 let source = &data[at + c * width..][..n];
@@ -77,7 +83,7 @@ pub(crate) fn fetch(history: &Colours, width: usize, plane: usize, lookup: &Look
             }
         }
         for i in 0..LANES {
-            if lookup.segments.single[i] != 0 && weight[i] > 0.0 {
+            if footprint.segments.single[i] != 0 && weight[i] > 0.0 {
                 let at = place.row[i] as usize * stride + plane * 3 * width + place.element[i] as usize;
                 for c in 0..3 {
                     out[c][i] += weight[i] * data[at + c * width];
@@ -91,7 +97,7 @@ pub(crate) fn fetch(history: &Colours, width: usize, plane: usize, lookup: &Look
 #[inline(always)]
 pub(crate) fn load(row: &[f32], width: usize, plane: usize, begin: usize, n: usize, out: &mut Lanes3) {
     for c in 0..3 {
-        out[c][..n].copy_from_slice(&channel(row, width, plane, c)[begin..][..n]);
+        copy::<LANES, _>(&mut out[c][..n], &channel(row, width, plane, c)[begin..][..n]);
     }
 }
 
