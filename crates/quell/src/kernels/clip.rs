@@ -84,6 +84,14 @@ pub fn follow(pass: f32, history: f32, clamped: f32, pass_now: f32, now: f32) ->
     }
 }
 
+/// [`follow`] for the beauty itself, to the bit: `clamped` as [`shareable`] leaves it.
+#[inline(always)]
+pub fn follow_itself(history: f32, clamped: f32) -> f32 {
+    let scaled = history * (clamped / history);
+    let scaled = if tells_shares(history, clamped) { scaled } else { clamped };
+    if clamped == history { history } else { scaled }
+}
+
 /// The clamped beauty, with 0 where neither history nor the current signal says how passes would share a value.
 #[inline(always)]
 pub fn shareable(history: f32, clamped: f32, now: f32) -> f32 {

@@ -190,10 +190,14 @@ impl Moments {
                 }
             }
         }
+        let mut share = [0.0f32; LANES];
+        for i in 0..LANES {
+            share[i] = 1.0 / sums[6][i];
+        }
         for c in 0..3 {
             for i in 0..LANES {
-                let mean = sums[c][i] / sums[6][i];
-                let variance = sums[3 + c][i] / sums[6][i] - mean * mean;
+                let mean = sums[c][i] * share[i];
+                let variance = sums[3 + c][i] * share[i] - mean * mean;
                 let deviation = if variance > 0.0 { variance } else { 0.0 }.sqrt();
                 low[c][i] = mean - gamma * deviation;
                 high[c][i] = mean + gamma * deviation;

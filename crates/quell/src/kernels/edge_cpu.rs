@@ -12,7 +12,7 @@ use crate::settings::Edge;
 use glam::Vec3;
 
 /// Pixels whose weights are computed together.
-pub(crate) const RUN: usize = 256;
+pub(crate) const RUN: usize = 320;
 
 /// Cuts a row of `count` pixels into runs of about equal length, whole vectors where possible.
 #[inline(always)]

@@ -1,10 +1,11 @@
 //! The schedule of stages 9 and 10: as that of stages 4 and 7, with taps along one axis.
 
-use super::sparse_bilateral::{Pieces, RunOf, guide_run, of_fields};
+use super::sparse_bilateral::{Pieces, RunOf, guide_run, lanes_of, of_fields};
 use crate::cpu::guides::{CpuGuides, field};
 use crate::cpu::layout::{Colours, Phases, channel};
 use crate::cpu::rows;
 use crate::kernels::edge_cpu::{Centres, Gains, RUN, Run, Tap, run_length, weights};
+use crate::kernels::math::three;
 use crate::kernels::spiral::PERIOD;
 use crate::settings::{GlossyBilateral, OffScreen, Settings};
 use crate::stages::glossy_bilateral::KernelSize;
@@ -165,12 +166,13 @@ fn row<const PERSPECTIVE: bool, const GLOSS: bool>(
                             let ceiling =
                                 if filter.settings.edge.monotone { Some(&mut ceiling[lanes.clone()]) } else { None };
                             admit(&falloff[lanes.clone()], ceiling, of_tap, &mut total[lanes.clone()]);
-                            for k in 0..together {
-                                for c in 0..3 {
+                            for (k, sums) in sums.iter_mut().enumerate().take(together) {
+                                let colour = three(|c| {
                                     let k_th = (plane + k) * 3 + c;
                                     let at = of_fields(piece.at, width, 3 * input.planes, piece.y, k_th);
-                                    gather(of_tap, &colours[at..][..piece.len], &mut sums[k][c][lanes.clone()]);
-                                }
+                                    &colours[at..][..piece.len]
+                                });
+                                gather(of_tap, colour, lanes_of(sums, lanes.clone()));
                             }
                         }
                     }

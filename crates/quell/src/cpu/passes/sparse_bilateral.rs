@@ -9,6 +9,7 @@ use crate::kernels::spiral::{PERIOD, Spiral, SpiralShape, land};
 use crate::settings::OffScreen;
 use crate::stages::matte_prefilter::cpu::{MOST_TAPS, Weights, admit, finish, gather};
 use fearless_simd::{Level, dispatch};
+use std::ops::Range;
 
 /// What a pass needs besides its images.
 #[derive(Clone, Copy)]
@@ -76,12 +77,20 @@ pub(crate) struct Piece {
     pub offset: (i32, i32),
 }
 
+/// The same lanes of three runs.
+#[inline(always)]
+pub(crate) fn lanes_of([a, b, c]: &mut [Run; 3], lanes: Range<usize>) -> [&mut [f32]; 3] {
+    [&mut a[lanes.clone()], &mut b[lanes.clone()], &mut c[lanes]]
+}
+
 impl Piece {
     /// Takes the weight of lanes that have no source.
     #[inline(always)]
     pub fn mask(&self, weights: &mut [f32]) {
-        weights[..self.real.0].fill(0.0);
-        weights[self.real.1..].fill(0.0);
+        if self.real != (0, self.len) {
+            weights[..self.real.0].fill(0.0);
+            weights[self.real.1..].fill(0.0);
+        }
     }
 }
 
@@ -209,6 +218,15 @@ fn filter_run<const PERSPECTIVE: bool, const GLOSS: bool>(
     let x = (PERIOD * first + phase) as f32;
     centres.fill(view, &filter.gains, &p, x + 0.5 + guides.now.jitter.x, y as f32 + 0.5 + guides.now.jitter.y);
     computed.total = [1.0; RUN];
+    let start = |plane: usize, sums: &mut [Run; 3]| {
+        for c in 0..3 {
+            sums[c][..n].copy_from_slice(&channel(own, width, plane, c)[begin..][..n]);
+        }
+    };
+    let colour = |piece: &Piece, plane: usize| {
+        three(|c| &colours[of_fields(piece.at, width, 3 * input.planes, piece.y, plane * 3 + c)..][..piece.len])
+    };
+    start(0, sums);
     for (k, tap) in taps.iter().enumerate() {
         let mut pieces = Pieces::of(phases, run, (tap.dx, tap.dy), filter.shape.off_screen);
         while let Some(piece) = pieces.next() {
@@ -218,21 +236,18 @@ fn filter_run<const PERSPECTIVE: bool, const GLOSS: bool>(
             let geometry = Tap::new(view, piece.offset.0, piece.offset.1);
             weights::<PERSPECTIVE, GLOSS>(centres, piece.first, &q, &geometry, &filter.gains, of_tap);
             piece.mask(of_tap);
-            admit(tap.weight, of_tap, &mut computed.total[lanes]);
+            let total = &mut computed.total[lanes.clone()];
+            admit(tap.weight, of_tap, total, colour(&piece, 0), lanes_of(sums, lanes));
         }
     }
     for plane in 0..input.planes {
-        for c in 0..3 {
-            sums[c][..n].copy_from_slice(&channel(own, width, plane, c)[begin..][..n]);
-        }
-        for (k, tap) in taps.iter().enumerate() {
-            let mut pieces = Pieces::of(phases, run, (tap.dx, tap.dy), filter.shape.off_screen);
-            while let Some(piece) = pieces.next() {
-                let lanes = piece.first..piece.first + piece.len;
-                let of_tap = &computed.taps[k][lanes.clone()];
-                for c in 0..3 {
-                    let at = of_fields(piece.at, width, 3 * input.planes, piece.y, plane * 3 + c);
-                    gather(of_tap, &colours[at..][..piece.len], &mut sums[c][lanes.clone()]);
+        if plane > 0 {
+            start(plane, sums);
+            for (k, tap) in taps.iter().enumerate() {
+                let mut pieces = Pieces::of(phases, run, (tap.dx, tap.dy), filter.shape.off_screen);
+                while let Some(piece) = pieces.next() {
+                    let lanes = piece.first..piece.first + piece.len;
+                    gather(&computed.taps[k][lanes.clone()], colour(&piece, plane), lanes_of(sums, lanes));
                 }
             }
         }

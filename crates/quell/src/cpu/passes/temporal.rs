@@ -12,7 +12,9 @@ use crate::kernels::temporal::Blend;
 use crate::plane::Plane;
 use crate::settings::{Clip, Settings};
 use crate::stages::glossy_temporal::cpu::reflect;
-use crate::stages::matte_temporal::cpu::{Shares, blend_lanes, blend_unclamped, clamp, fetch, fetch_scalar, load};
+use crate::stages::matte_temporal::cpu::{
+    Shares, blend_beauty, blend_lanes, blend_unclamped, clamp, fetch, fetch_scalar, load,
+};
 use fearless_simd::{Level, dispatch};
 
 /// What a pass needs besides its images.
@@ -153,6 +155,8 @@ fn row(
                 }
                 if weights.clip == Clip::Off {
                     blend_unclamped(&value, &then, &shares.history, &mut result);
+                } else if plane == 0 {
+                    blend_beauty(&value, &then, &beauty_clamped, &shares.history, &mut result);
                 } else {
                     let beauty = (&beauty_then, &beauty_clamped, &beauty_now);
                     blend_lanes(&value, &then, &shares.history, beauty, &mut result);

@@ -19,20 +19,39 @@ impl Weights {
     }
 }
 
-/// Adds a tap: from edge weights to weights, and their sum.
+/// Adds a tap and the first plane's colour: from edge weights to weights, and their sum. One loop: what it loads and
+/// stores is its cost.
 #[inline(always)]
-pub(crate) fn admit(gaussian: f32, weights: &mut [f32], total: &mut [f32]) {
-    for (w, sum) in weights.iter_mut().zip(total) {
-        *w *= gaussian;
-        *sum += *w;
+pub(crate) fn admit(
+    gaussian: f32,
+    weights: &mut [f32],
+    total: &mut [f32],
+    [q0, q1, q2]: [&[f32]; 3],
+    [s0, s1, s2]: [&mut [f32]; 3],
+) {
+    let n = weights.len();
+    let (q0, q1, q2, total) = (&q0[..n], &q1[..n], &q2[..n], &mut total[..n]);
+    let (s0, s1, s2) = (&mut s0[..n], &mut s1[..n], &mut s2[..n]);
+    for i in 0..n {
+        let w = weights[i] * gaussian;
+        weights[i] = w;
+        total[i] += w;
+        s0[i] += w * q0[i];
+        s1[i] += w * q1[i];
+        s2[i] += w * q2[i];
     }
 }
 
-/// Adds a tap's colour channel to the sums.
+/// Adds a tap's colour to the sums.
 #[inline(always)]
-pub(crate) fn gather(weights: &[f32], source: &[f32], sums: &mut [f32]) {
-    for ((w, q), sum) in weights.iter().zip(source).zip(sums) {
-        *sum += *w * *q;
+pub(crate) fn gather(weights: &[f32], [q0, q1, q2]: [&[f32]; 3], [s0, s1, s2]: [&mut [f32]; 3]) {
+    let n = weights.len();
+    let (q0, q1, q2) = (&q0[..n], &q1[..n], &q2[..n]);
+    let (s0, s1, s2) = (&mut s0[..n], &mut s1[..n], &mut s2[..n]);
+    for i in 0..n {
+        s0[i] += weights[i] * q0[i];
+        s1[i] += weights[i] * q1[i];
+        s2[i] += weights[i] * q2[i];
     }
 }
 

@@ -1,7 +1,7 @@
 //! Stages 3 and 8 once they know where history lies, on runs of pixels: fetch, clamp, blend.
 
 use crate::cpu::layout::{Colours, channel, copy};
-use crate::kernels::clip::ColourBox;
+use crate::kernels::clip::{ColourBox, follow_itself};
 use crate::kernels::reproject_cpu::{Footprint, LANES, Lanes, Lanes3, Lookup};
 use crate::kernels::spiral::PERIOD;
 use crate::kernels::temporal::{Blend, blend, clamp_history};
@@ -139,6 +139,18 @@ pub(crate) fn blend_unclamped(current: &Lanes3, history: &Lanes3, share: &Lanes,
     for c in 0..3 {
         for i in 0..LANES {
             let blended = share[i] * history[c][i] + (1.0 - share[i]) * current[c][i];
+            out[c][i] = if share[i] > 0.0 { blended } else { current[c][i] };
+        }
+    }
+}
+
+/// As [`blend_lanes`] of the beauty itself, which shares its clamped value with nobody.
+#[inline(always)]
+pub(crate) fn blend_beauty(current: &Lanes3, history: &Lanes3, clamped: &Lanes3, share: &Lanes, out: &mut Lanes3) {
+    for c in 0..3 {
+        for i in 0..LANES {
+            let held = follow_itself(history[c][i], clamped[c][i]);
+            let blended = share[i] * held + (1.0 - share[i]) * current[c][i];
             out[c][i] = if share[i] > 0.0 { blended } else { current[c][i] };
         }
     }
