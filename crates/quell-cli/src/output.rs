@@ -84,7 +84,7 @@ mod tests {
     fn addresses_are_escaped() {
         assert_eq!(url_of("/home/a b/ä#1/index.html"), "file:///home/a%20b/%C3%A4%231/index.html");
         assert_eq!(url_of(r"\\?\C:\quell demo\index.html"), "file:///C:/quell%20demo/index.html");
-        assert_eq!(url_of(r"\\?\UNC\farm\out\index.html"), "file://farm/out/index.html");
+        assert_eq!(url_of(r"\\?\UNC\server\out\index.html"), "file://server/out/index.html");
     }
 
     #[test]
