@@ -42,6 +42,25 @@ pub enum Error {
     /// A report could not be turned into JSON.
     #[error("cannot write the report as JSON: {0}")]
     Json(#[from] serde_json::Error),
+    /// No method has this name.
+    #[error("no method is called `{name}`{}", crate::error::did_you_mean(.nearest))]
+    UnknownMethod {
+        /// As it was asked for.
+        name: String,
+        /// The nearest names.
+        nearest: Vec<String>,
+    },
+    /// A method cannot work on what it was given.
+    #[error("{method}: {reason}")]
+    Method {
+        /// Its name.
+        method: String,
+        /// What it misses, and what to do.
+        reason: String,
+    },
+    /// The denoiser refused a frame or a setting.
+    #[error(transparent)]
+    Quell(#[from] quell::Error),
     /// Tracing failed or was stopped.
     #[error(transparent)]
     Trace(#[from] quell_trace::TraceError),
@@ -57,4 +76,8 @@ impl Error {
         }
         if found == expected { Ok(()) } else { Err(Self::Size { what, expected, found }) }
     }
+}
+
+pub(crate) fn did_you_mean(nearest: &[String]) -> String {
+    if nearest.is_empty() { String::new() } else { format!("; did you mean {}?", nearest.join(", ")) }
 }

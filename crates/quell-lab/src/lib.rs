@@ -2,6 +2,7 @@
 //!
 //! ```text
 //! metrics/       how far a picture is from its reference: relMSE, PSNR, energy, FLIP and HDR-FLIP
+//! methods/       everything that is compared: the noisy input, quell, the baselines
 //! tone.rs        the one tone curve of every picture that is looked at, and PNG
 //! report/        the JSON report, the table in the terminal, the player page, the animated strip
 //! cache.rs       references on disk: found by hash, never half written
@@ -10,6 +11,7 @@
 
 pub mod cache;
 pub mod error;
+pub mod methods;
 pub mod metrics;
 pub mod references;
 pub mod report;

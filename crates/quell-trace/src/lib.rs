@@ -37,8 +37,8 @@ pub use pattern::Pattern;
 pub use primary::PrimaryReplacement;
 pub use scene::{CameraPath, Instance, Mesh, PointlikeLight, Scene, SceneError, Surface};
 pub use tracer::{
-    Control, Estimator, Half, Reference, ReferenceKind, RenderOptions, Rendered, SIZE_LIMIT, TRACER_VERSION,
-    TraceError, Tracer, scene_hash,
+    Control, Estimator, Half, HalfSignals, Reference, ReferenceKind, RenderOptions, Rendered, SIZE_LIMIT,
+    TRACER_VERSION, TraceError, Tracer, scene_hash,
 };
 pub use track::Track;
 

@@ -20,6 +20,9 @@ pub const TRACER_VERSION: u32 = 4;
 /// Largest extent of an image.
 pub const SIZE_LIMIT: usize = 32768;
 
+/// Tells the seed of a frame's half B from that of its half A.
+const SECOND_HALF_SEED: u64 = 0x9e37_79b9_7f4a_7c15;
+
 /// Rows that are traced before the cancel flag is looked at and progress is told.
 const BAND_ROWS: usize = 16;
 
@@ -58,6 +61,9 @@ pub struct RenderOptions {
     pub primary_replacement: PrimaryReplacement,
     /// Whether the variance of the pixel's mean is estimated for both signals (needs `samples` >= 2).
     pub variances: bool,
+    /// Whether the samples are taken as two independent halves, delivered beside the frame (needs `samples` >= 2):
+    /// even samples make A, odd ones B. Stratification then holds within each half only.
+    pub halves: bool,
 }
 
 impl RenderOptions {
@@ -75,7 +81,15 @@ impl RenderOptions {
             model: MaterialModel::default(),
             primary_replacement: PrimaryReplacement::default(),
             variances: false,
+            halves: false,
         }
+    }
+}
+
+impl RenderOptions {
+    /// Whether two halves are delivered.
+    fn separate_halves(&self) -> bool {
+        self.halves && self.samples > 1
     }
 }
 
@@ -115,8 +129,20 @@ pub struct Rendered {
     pub frame: FrameBuf,
     /// Rays shot.
     pub rays: RayCounts,
+    /// Two independent halves of the signals, where [`RenderOptions::halves`] asked for them: A, then B. The frame's
+    /// own signals are their mean, weighted by their numbers of samples.
+    pub halves: Option<[HalfSignals; 2]>,
     /// What the picture does not model or does not hand to the denoiser, in sentences.
     pub notes: Vec<String>,
+}
+
+/// Both signals from one half of a frame's samples, without their weights.
+#[derive(Clone, Debug, PartialEq)]
+pub struct HalfSignals {
+    /// Indirect light of the matte lobe.
+    pub matte: Plane<Rgb>,
+    /// Indirect light of the glossy lobe.
+    pub glossy: Plane<Rgb>,
 }
 
 /// Which of the two independent halves of a reference.
@@ -243,6 +269,8 @@ struct PixelValue {
     glossy_distance: f32,
     matte_variance: f32,
     glossy_variance: f32,
+    /// Matte and glossy of halves A and B.
+    halves: [(Vec3, Vec3); 2],
 }
 
 fn luminance(c: Vec3) -> f32 {
@@ -377,6 +405,9 @@ impl<'s> Tracer<'s> {
         let mut glossy_variance = view_depth.clone();
         let mut motion = Plane::filled(size, [0.0; 2]);
         let mut surface_id = Plane::filled(size, 0);
+        let mut halves = options.separate_halves().then(|| {
+            [0, 1].map(|_| HalfSignals { matte: Plane::filled(size, [0.0; 3]), glossy: Plane::filled(size, [0.0; 3]) })
+        });
         let rays = for_each_pixel(
             size,
             control,
@@ -397,6 +428,12 @@ impl<'s> Tracer<'s> {
                 glossy_hit_distance.set(x, y, v.glossy_distance);
                 matte_variance.set(x, y, v.matte_variance);
                 glossy_variance.set(x, y, v.glossy_variance);
+                if let Some(halves) = &mut halves {
+                    for (half, (m, g)) in halves.iter_mut().zip(v.halves) {
+                        half.matte.set(x, y, m.to_array());
+                        half.glossy.set(x, y, g.to_array());
+                    }
+                }
             },
         )?;
         frame.direct = Some(direct);
@@ -415,7 +452,7 @@ impl<'s> Tracer<'s> {
             frame.matte_variance = Some(matte_variance);
             frame.glossy_variance = Some(glossy_variance);
         }
-        Ok(Rendered { frame, rays, notes: self.notes(options.primary_replacement) })
+        Ok(Rendered { frame, rays, halves, notes: self.notes(options.primary_replacement) })
     }
 
     /// Traces samples `samples` (a range, so that a reference can be continued) of one half of a reference, from the
@@ -581,9 +618,14 @@ impl<'s> Tracer<'s> {
         let mut glossy = Moments::default();
         let (mut matte_luminance, mut glossy_luminance) = (Moments::default(), Moments::default());
         let mut distances = (f32::INFINITY, f32::INFINITY);
+        let separate = options.separate_halves();
+        let mut halves = [(Moments::default(), Moments::default()); 2];
         if let Some(surface) = &primary.surface {
             for sample in 0..options.samples.max(1) {
-                let sampler = Sampler::new(pixel, self.frame, sample, options.seed);
+                // Halves of one low-discrepancy sequence would complement each other, not be independent.
+                let (half, index) = if separate { (sample % 2, sample / 2) } else { (0, sample) };
+                let seed = if half == 1 { options.seed ^ SECOND_HALF_SEED } else { options.seed };
+                let sampler = Sampler::new(pixel, self.frame, index, seed);
                 let (m, g) = Self::signals(integrator, &primary, surface, &sampler, rays);
                 if sample == 0 {
                     distances = (m.distance, g.distance);
@@ -593,6 +635,11 @@ impl<'s> Tracer<'s> {
                 glossy.push(g);
                 matte_luminance.push(Vec3::splat(luminance(m)));
                 glossy_luminance.push(Vec3::splat(luminance(g)));
+                if separate {
+                    let moments = &mut halves[half as usize];
+                    moments.0.push(m);
+                    moments.1.push(g);
+                }
             }
         }
         let sampler = Sampler::new(pixel, self.frame, 0, options.seed);
@@ -605,6 +652,7 @@ impl<'s> Tracer<'s> {
             glossy_distance: distances.1,
             matte_variance: matte_luminance.variance_of_mean().x,
             glossy_variance: glossy_luminance.variance_of_mean().x,
+            halves: halves.map(|(m, g)| (m.mean, g.mean)),
         }
     }
 

@@ -29,6 +29,30 @@ fn the_number_of_threads_does_not_matter() {
     assert_ne!(one.matte, render(2, 8).matte);
 }
 
+/// Even samples are half A, odd ones half B; the frame is their mean; and they do not follow each other.
+#[test]
+fn halves_are_independent_and_make_the_frame() {
+    let scene = builtin("cornell-box").unwrap();
+    let tracer = Tracer::new(&scene, 0, 1).unwrap();
+    let render = |samples: u32, halves: bool| {
+        let options = RenderOptions { samples, halves, ..options(48, 27) };
+        tracer.render(&options, &Control::default()).unwrap()
+    };
+    let both = render(4, true);
+    let [a, b] = both.halves.unwrap();
+    let matte = both.frame.matte.unwrap();
+    let (mut covariance, mut variance) = (0.0, 0.0);
+    let reference = render(256, false).frame.matte.unwrap();
+    for (i, m) in matte.data().iter().enumerate() {
+        let (x, y, r) = (a.matte.data()[i][1], b.matte.data()[i][1], reference.data()[i][1]);
+        assert!((0.5 * (x + y) - m[1]).abs() <= 1e-5 * m[1].abs().max(1e-3), "{x} and {y} do not make {}", m[1]);
+        covariance += (x - r) * (y - r);
+        variance += 0.5 * ((x - r).powi(2) + (y - r).powi(2));
+    }
+    assert!(covariance.abs() < 0.1 * variance, "correlation {}", covariance / variance);
+    assert!(render(1, true).halves.is_none() && render(4, false).halves.is_none());
+}
+
 #[test]
 fn the_unit_of_length_does_not_matter() {
     let scene = builtin("cornell-box").unwrap();

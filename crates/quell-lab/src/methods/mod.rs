@@ -1,0 +1,102 @@
+//! Everything that is compared: the noisy input, quell, and the baselines, each from its own paper.
+//!
+//! ```text
+//! none.rs    the noisy input as it is
+//! quell.rs   quell with a preset, and the talk's ablations
+//! ```
+//!
+//! All methods get the same frames and guides in the same order, keep what they like between frames, and answer with
+//! the finished picture. [`parse`] finds a method by its name.
+
+pub mod none;
+pub mod quell;
+
+use crate::error::Error;
+use ::quell::{Frame, Plane, PlaneRef, Rgb};
+use quell_trace::HalfSignals;
+
+/// What a method reads of one frame.
+#[derive(Clone, Copy)]
+pub struct Input<'a> {
+    /// Signals (means over all samples of both halves), weights and guides.
+    pub frame: &'a Frame<'a>,
+    /// The signals of two independent halves of the samples, A and B; absent where the frame has one sample a pixel.
+    pub halves: Option<[&'a HalfSignals; 2]>,
+}
+
+impl Input<'_> {
+    /// The noisy picture from all samples, scene-linear.
+    pub fn composite(&self) -> Plane<Rgb> {
+        composite(self.frame, self.frame.matte, self.frame.glossy)
+    }
+
+    /// The noisy pictures from halves A and B; they share the direct term.
+    pub fn half_composites(&self) -> Option<[Plane<Rgb>; 2]> {
+        let halves = self.halves?;
+        Some(halves.map(|h| composite(self.frame, Some(h.matte.view()), Some(h.glossy.view()))))
+    }
+
+    /// Albedo as a feature: the sum of both weights, per channel at most 1; 0 where there is no surface.
+    pub fn albedo(&self) -> Plane<Rgb> {
+        Plane::from_fn(self.frame.size, |x, y| {
+            if self.frame.view_depth.is_some_and(|d| !d.at(x, y).is_finite()) {
+                return [0.0; 3];
+            }
+            let of = |p: Option<PlaneRef<'_, Rgb>>| p.map_or([0.0; 3], |p| p.at(x, y));
+            let (m, g) = (of(self.frame.matte_weight), of(self.frame.glossy_weight));
+            std::array::from_fn(|c| (m[c] + g[c]).clamp(0.0, 1.0))
+        })
+    }
+}
+
+/// direct + matte_weight `matte` + glossy_weight `glossy`.
+pub fn composite(frame: &Frame<'_>, matte: Option<PlaneRef<'_, Rgb>>, glossy: Option<PlaneRef<'_, Rgb>>) -> Plane<Rgb> {
+    let at = |p: Option<PlaneRef<'_, Rgb>>, absent: f32, x, y| p.map_or([absent; 3], |p| p.at(x, y));
+    Plane::from_fn(frame.size, |x, y| {
+        let d = at(frame.direct, 0.0, x, y);
+        let (m, wm) = (at(matte, 0.0, x, y), at(frame.matte_weight, 1.0, x, y));
+        let (g, wg) = (at(glossy, 0.0, x, y), at(frame.glossy_weight, 1.0, x, y));
+        std::array::from_fn(|c| d[c] + wm[c] * m[c] + wg[c] * g[c])
+    })
+}
+
+/// A way to a clean picture.
+pub trait Method: Send {
+    /// The name by which it is asked for and listed: `svgf`, `quell:paper`.
+    fn name(&self) -> String;
+
+    /// Whether it works only on frames with two halves ([`Input::halves`]).
+    fn needs_halves(&self) -> bool {
+        false
+    }
+
+    /// Forgets all earlier frames.
+    fn reset(&mut self) {}
+
+    /// The clean picture of the next frame, scene-linear. Frames come in order; one whose number does not follow is
+    /// a cut.
+    ///
+    /// # Errors
+    /// What the method misses or cannot do, in a sentence.
+    fn denoise(&mut self, input: &Input<'_>) -> Result<Plane<Rgb>, Error>;
+}
+
+/// Finds a method by its name.
+///
+/// # Errors
+/// [`Error::UnknownMethod`] with the nearest names.
+pub fn parse(name: &str) -> Result<Box<dyn Method>, Error> {
+    if name == "none" {
+        return Ok(Box::new(none::None));
+    }
+    if let Some(variant) = name.strip_prefix("quell:") {
+        return Ok(Box::new(self::quell::Quell::parse(variant)?));
+    }
+    Err(Error::UnknownMethod {
+        name: name.to_owned(),
+        nearest: ::quell::settings::nearest(name, NAMES.iter().copied()),
+    })
+}
+
+/// Names that [`parse`] knows.
+pub const NAMES: &[&str] = &["none", "quell:paper"];

@@ -1,0 +1,123 @@
+//! quell itself: `quell:PRESET`, then any number of `+ABLATION` and `+stage.parameter=value`.
+//!
+//! `quell:paper+no-virtual`, `quell:paper+glossy_temporal.alpha=0.8`.
+
+use super::{Input, Method};
+use crate::error::Error;
+use quell::{Denoiser, Plane, Preset, Rgb, Settings};
+
+/// The talk's ablations: name in a method, title, what is switched off.
+pub const ABLATIONS: &[Ablation] = &[
+    Ablation { name: "no-denoising", title: "Without denoising", apply: Settings::without_denoising },
+    Ablation { name: "no-spatial", title: "Without spatial filters", apply: Settings::without_spatial_filters },
+    Ablation { name: "no-temporal", title: "Without temporal filters", apply: Settings::without_temporal_filters },
+    Ablation {
+        name: "no-disocclusion",
+        title: "Without disocclusion detection",
+        apply: |mut s| {
+            s.disocclusion.enabled = false;
+            s
+        },
+    },
+    Ablation {
+        name: "no-firefly",
+        title: "Without firefly suppression",
+        apply: |mut s| {
+            s.firefly.enabled = false;
+            s
+        },
+    },
+    Ablation {
+        name: "no-virtual",
+        title: "Without virtual reprojection",
+        apply: |mut s| {
+            s.glossy_temporal.virtual_reprojection = false;
+            s
+        },
+    },
+];
+
+/// One of [`ABLATIONS`].
+#[derive(Clone, Copy)]
+pub struct Ablation {
+    /// As in `quell:paper+no-virtual`.
+    pub name: &'static str,
+    /// As on a page.
+    pub title: &'static str,
+    /// Switches the part off.
+    pub apply: fn(Settings) -> Settings,
+}
+
+/// quell on the fast back end.
+pub struct Quell {
+    variant: String,
+    settings: Settings,
+    denoiser: Option<Denoiser>,
+}
+
+impl Quell {
+    /// `variant` is what follows `quell:`.
+    ///
+    /// # Errors
+    /// [`Error::UnknownMethod`] for an unknown preset or ablation, [`Error::Quell`] for a bad parameter.
+    pub fn parse(variant: &str) -> Result<Self, Error> {
+        let unknown = |part: &str, candidates: &mut dyn Iterator<Item = &str>| Error::UnknownMethod {
+            name: part.to_owned(),
+            nearest: quell::settings::nearest(part, candidates),
+        };
+        let mut parts = variant.split('+');
+        let preset = parts.next().unwrap_or_default();
+        let mut settings = match preset {
+            "paper" => Settings::preset(Preset::Paper),
+            other => return Err(unknown(other, &mut ["paper"].into_iter())),
+        };
+        for part in parts {
+            if let Some((name, value)) = part.split_once('=') {
+                settings.set(name, value)?;
+            } else if let Some(ablation) = ABLATIONS.iter().find(|a| a.name == part) {
+                settings = (ablation.apply)(settings);
+            } else {
+                return Err(unknown(part, &mut ABLATIONS.iter().map(|a| a.name)));
+            }
+        }
+        Ok(Self { variant: variant.to_owned(), settings, denoiser: None })
+    }
+}
+
+impl Method for Quell {
+    fn name(&self) -> String {
+        format!("quell:{}", self.variant)
+    }
+
+    fn reset(&mut self) {
+        if let Some(denoiser) = &mut self.denoiser {
+            denoiser.reset();
+        }
+    }
+
+    fn denoise(&mut self, input: &Input<'_>) -> Result<Plane<Rgb>, Error> {
+        let denoiser = match &mut self.denoiser {
+            Some(denoiser) => denoiser,
+            none => none.insert(Denoiser::new(input.frame.size, &self.settings)?),
+        };
+        Ok(denoiser.denoise(input.frame)?.composite.clone())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_presets_ablations_and_parameters() {
+        for ablation in ABLATIONS {
+            let quell = Quell::parse(&format!("paper+{}", ablation.name)).unwrap();
+            assert_ne!(quell.settings, Settings::default(), "{} changes nothing", ablation.name);
+        }
+        let quell = Quell::parse("paper+glossy_temporal.alpha=0.5").unwrap();
+        assert_eq!(quell.settings.get("glossy_temporal.alpha").unwrap(), "0.5");
+        for wrong in ["papers", "paper+no-virtue", "paper+glossy_temporal.alpha=7"] {
+            assert!(Quell::parse(wrong).is_err(), "{wrong}");
+        }
+    }
+}
