@@ -2,6 +2,7 @@
 //!
 //! ```text
 //! metrics/       how far a picture is from its reference: relMSE, PSNR, energy, FLIP and HDR-FLIP
+//! scorecard/     ten figures for the artefacts of a sequence: blur, ghosting, flicker, boiling and so on
 //! methods/       everything that is compared: the noisy input, quell, the baselines
 //! tone.rs        the one tone curve of every picture that is looked at, and PNG
 //! report/        the JSON report, the table in the terminal, the player page, the animated strip
@@ -15,6 +16,7 @@ pub mod methods;
 pub mod metrics;
 pub mod references;
 pub mod report;
+pub mod scorecard;
 pub mod tone;
 
 pub use error::Error;
