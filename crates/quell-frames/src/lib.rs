@@ -6,6 +6,7 @@
 //! channels.rs  the one table of channel names and what they mean
 //! metadata.rs  header attributes: cameras, frame, sampling, version, settings
 //! frame_file.rs  a frame with all that quell writes beside it; channels to planes and back
+//! picture.rs   one colour picture from a file of any program
 //! error.rs     what can go wrong
 //! ```
 //!
@@ -34,6 +35,7 @@ mod exr_file;
 pub mod files;
 pub mod frame_file;
 pub mod metadata;
+mod picture;
 
 pub use error::Error;
 pub use files::{find_frames, frame_path};
@@ -41,3 +43,4 @@ pub use frame_file::{
     FrameFile, FrameToWrite, Half, HalfBuf, Precision, WriteOptions, Written, read_frame, write_frame,
 };
 pub use metadata::{Content, Metadata};
+pub use picture::read_picture;

@@ -3,6 +3,7 @@
 //! ```text
 //! metrics/       how far a picture is from its reference: relMSE, PSNR, energy, FLIP and HDR-FLIP
 //! scorecard/     ten figures for the artefacts of a sequence: blur, ghosting, flicker, boiling and so on
+//! compare/       methods side by side: sequences with references, the runner, scores
 //! methods/       everything that is compared: the noisy input, quell, the baselines
 //! tone.rs        the one tone curve of every picture that is looked at, and PNG
 //! report/        the JSON report, the table in the terminal, the player page, the animated strip
@@ -11,6 +12,7 @@
 //! ```
 
 pub mod cache;
+pub mod compare;
 pub mod error;
 pub mod methods;
 pub mod metrics;

@@ -62,27 +62,32 @@ impl ReferencePair {
     /// The relMSE of [`ReferencePair::mean`] against the truth, from the difference of the halves: the mean of
     /// ((A - B) / 2)^2 / (R^2 + eps), trimmed of the worst 0.1 % of pixels. eps as in [`crate::metrics::rel_mse`].
     pub fn rel_mse(&self) -> f64 {
-        let (a, b) = (self.a.beauty.data(), self.b.beauty.data());
-        let pixels = a.len().max(1);
-        let mean = |p: &Rgb, q: &Rgb| -> Rgb { std::array::from_fn(|c| 0.5 * (p[c] + q[c])) };
-        let total: f64 = a.iter().zip(b).map(|(p, q)| f64::from(luminance(mean(p, q)))).sum();
-        let epsilon = (EPSILON_PART * (total / pixels as f64).powi(2)).max(f64::MIN_POSITIVE);
-        let mut errors: Vec<f64> = a
-            .iter()
-            .zip(b)
-            .map(|(p, q)| {
-                let r = mean(p, q);
-                let term = |c: usize| {
-                    let half = 0.5 * f64::from(p[c] - q[c]);
-                    half * half / (f64::from(r[c]).powi(2) + epsilon)
-                };
-                (term(0) + term(1) + term(2)) / 3.0
-            })
-            .collect();
-        errors.sort_by(f64::total_cmp);
-        let kept = errors.len() - ((errors.len() as f64 * TRIMMED_PART).ceil() as usize).min(pixels - 1);
-        errors[..kept].iter().sum::<f64>() / kept.max(1) as f64
+        halves_rel_mse(&self.a.beauty, &self.b.beauty)
     }
+}
+
+/// As [`ReferencePair::rel_mse`], of two pictures.
+pub(crate) fn halves_rel_mse(a: &Plane<Rgb>, b: &Plane<Rgb>) -> f64 {
+    let (a, b) = (a.data(), b.data());
+    let pixels = a.len().max(1);
+    let mean = |p: &Rgb, q: &Rgb| -> Rgb { std::array::from_fn(|c| 0.5 * (p[c] + q[c])) };
+    let total: f64 = a.iter().zip(b).map(|(p, q)| f64::from(luminance(mean(p, q)))).sum();
+    let epsilon = (EPSILON_PART * (total / pixels as f64).powi(2)).max(f64::MIN_POSITIVE);
+    let mut errors: Vec<f64> = a
+        .iter()
+        .zip(b)
+        .map(|(p, q)| {
+            let r = mean(p, q);
+            let term = |c: usize| {
+                let half = 0.5 * f64::from(p[c] - q[c]);
+                half * half / (f64::from(r[c]).powi(2) + epsilon)
+            };
+            (term(0) + term(1) + term(2)) / 3.0
+        })
+        .collect();
+    errors.sort_by(f64::total_cmp);
+    let kept = errors.len() - ((errors.len() as f64 * TRIMMED_PART).ceil() as usize).min(pixels - 1);
+    errors[..kept].iter().sum::<f64>() / kept.max(1) as f64
 }
 
 /// How far a reference has come.

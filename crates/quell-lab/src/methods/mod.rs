@@ -2,12 +2,14 @@
 //!
 //! ```text
 //! none.rs    the noisy input as it is
+//! external.rs  methods of others: finished frames, or a command
 //! quell.rs   quell with a preset, and the talk's ablations
 //! ```
 //!
 //! All methods get the same frames and guides in the same order, keep what they like between frames, and answer with
 //! the finished picture. [`parse`] finds a method by its name.
 
+pub mod external;
 pub mod none;
 pub mod quell;
 

@@ -1,6 +1,7 @@
 //! Tests of the lab that need more than one module: independent implementations, the browser.
 
 mod browser;
+mod compare;
 mod metrics;
 mod player;
 mod references;
