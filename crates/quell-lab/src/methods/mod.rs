@@ -1,17 +1,27 @@
 //! Everything that is compared: the noisy input, quell, and the baselines, each from its own paper.
 //!
 //! ```text
-//! none.rs    the noisy input as it is
+//! none.rs      the noisy input as it is
 //! external.rs  methods of others: finished frames, or a command
-//! quell.rs   quell with a preset, and the talk's ablations
+//! quell.rs     quell with a preset, and the talk's ablations
+//! atrous.rs    Dammertz et al. 2010
+//! temporal.rs  accumulation alone
+//! svgf.rs      Schied et al. 2017
+//! surface.rs   what the temporal ones share: which pixels of the frame before show the same surface
+//! wavelet.rs   the pattern of the a-trous wavelet
 //! ```
 //!
 //! All methods get the same frames and guides in the same order, keep what they like between frames, and answer with
 //! the finished picture. [`parse`] finds a method by its name.
 
+pub mod atrous;
 pub mod external;
 pub mod none;
 pub mod quell;
+mod surface;
+pub mod svgf;
+pub mod temporal;
+mod wavelet;
 
 use crate::error::Error;
 use ::quell::{Frame, Plane, PlaneRef, Rgb};
@@ -91,6 +101,15 @@ pub fn parse(name: &str) -> Result<Box<dyn Method>, Error> {
     if name == "none" {
         return Ok(Box::new(none::None));
     }
+    if name == "atrous" {
+        return Ok(Box::new(atrous::Atrous::default()));
+    }
+    if name == "temporal" {
+        return Ok(Box::new(temporal::Temporal::default()));
+    }
+    if let Some((_, constants)) = svgf::VARIANTS.iter().find(|(variant, _)| *variant == name) {
+        return Ok(Box::new(svgf::Svgf::new(name, *constants)));
+    }
     if let Some(variant) = name.strip_prefix("quell:") {
         return Ok(Box::new(self::quell::Quell::parse(variant)?));
     }
@@ -101,4 +120,4 @@ pub fn parse(name: &str) -> Result<Box<dyn Method>, Error> {
 }
 
 /// Names that [`parse`] knows.
-pub const NAMES: &[&str] = &["none", "quell:paper"];
+pub const NAMES: &[&str] = &["none", "temporal", "quell:paper", "atrous", "svgf", "svgf:later"];

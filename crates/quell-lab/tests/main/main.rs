@@ -1,5 +1,6 @@
 //! Tests of the lab that need more than one module: independent implementations, the browser.
 
+mod baselines;
 mod browser;
 mod compare;
 mod metrics;

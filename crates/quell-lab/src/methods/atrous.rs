@@ -1,0 +1,191 @@
+//! Edge-avoiding a-trous wavelets (Dammertz, Sewtz, Hanika, Lensch: "Edge-Avoiding A-Trous Wavelet Transform for fast
+//! Global Illumination Filtering", HPG 2010): each frame by itself, five levels, no history.
+//!
+//! Light is filtered without albedo (section 4); matte and glossy separately, with their own colour weights.
+
+use super::surface::{BACKGROUND, DEPTH, Guides, NORMAL, Rows, signals};
+use super::wavelet::{BLOCK, CENTRE, exp_neg, taps};
+use super::{Input, Method, composite};
+use crate::error::Error;
+use crate::tone::luminance;
+use fearless_simd::{Level, dispatch};
+use quell::{Frame, Plane, Rgb};
+
+/// Levels of the wavelet; level i has taps 2^i pixels apart.
+const LEVELS: usize = 5;
+/// sigma_rt of the first level, in units of the signal's mean luminance over the frame's surfaces; halves every level.
+/// The paper leaves the three sigmas to the scene.
+const SIGMA_COLOUR: f32 = 4.0;
+/// sigma_n.
+const SIGMA_NORMAL: f32 = 0.35;
+/// sigma_x, as a part of the view depth.
+const SIGMA_POSITION: f32 = 0.1;
+/// Where the background lies: so far off that its weight is 0.
+const FAR: f32 = 1e15;
+
+/// Channels: red, green, blue of matte, then of glossy.
+const LIGHT: usize = 6;
+
+/// The method.
+pub struct Atrous {
+    level: Level,
+    buffers: Option<Buffers>,
+}
+
+struct Buffers {
+    guides: Guides,
+    position: Rows,
+    light: Rows,
+    next: Rows,
+}
+
+impl Default for Atrous {
+    fn default() -> Self {
+        Self { level: Level::new(), buffers: None }
+    }
+}
+
+impl Method for Atrous {
+    fn name(&self) -> String {
+        "atrous".to_owned()
+    }
+
+    fn denoise(&mut self, input: &Input<'_>) -> Result<Plane<Rgb>, Error> {
+        let frame = input.frame;
+        let rows = |channels| Rows::new(frame.size, channels);
+        let kept = self.buffers.take().filter(|b| b.guides.size() == frame.size);
+        let mut buffers = kept.unwrap_or_else(|| Buffers {
+            guides: Guides::new(frame.size),
+            position: rows(3),
+            light: rows(LIGHT),
+            next: rows(LIGHT),
+        });
+        let Buffers { guides, position, light, next } = &mut buffers;
+        guides.read(frame);
+        signals(frame, light);
+        positions(frame, guides, position);
+        let mut sigma_colour = mean_luminances(light, guides).map(|mean| SIGMA_COLOUR * mean);
+        for level in 0..LEVELS {
+            let inverse = sigma_colour.map(|s| if s > 0.0 { 1.0 / (s * s) } else { 0.0 });
+            let (simd, width) = (self.level, frame.size.width);
+            next.fill(|y, row| {
+                for x in (0..width).step_by(BLOCK) {
+                    let len = BLOCK.min(width - x);
+                    let sums =
+                        dispatch!(simd, _simd => block(1 << level, inverse, guides, position, light, (x, y), len));
+                    for (c, sums) in sums.iter().flatten().enumerate() {
+                        row[c * width + x..][..len].copy_from_slice(&sums[..len]);
+                    }
+                }
+            });
+            std::mem::swap(light, next);
+            sigma_colour = sigma_colour.map(|s| 0.5 * s);
+        }
+        let [matte, glossy] = [0, 3].map(|c| light.picture(c));
+        self.buffers = Some(buffers);
+        Ok(composite(frame, Some(matte.view()), Some(glossy.view())))
+    }
+}
+
+/// World positions of the surfaces.
+fn positions(frame: &Frame<'_>, guides: &Guides, out: &mut Rows) {
+    let (width, view) = (frame.size.width, frame.camera.projection(frame.size));
+    out.fill(|y, row| {
+        for x in 0..width {
+            let pixel = glam::Vec2::new(x as f32 + 0.5, y as f32 + 0.5);
+            let world = match &view {
+                Some(view) if guides.is_surface(x, y) => view.world(pixel, guides.surface.at(x, y, DEPTH)).to_array(),
+                _ => [FAR; 3],
+            };
+            for c in 0..3 {
+                row[c * width + x] = world[c];
+            }
+        }
+    });
+}
+
+/// Mean luminance of both signals over all surfaces.
+fn mean_luminances(light: &Rows, guides: &Guides) -> [f32; 2] {
+    let quell::Size { width, height } = light.size();
+    let (mut sums, mut count) = ([0.0f64; 2], 0u64);
+    for y in 0..height {
+        for x in (0..width).filter(|&x| guides.is_surface(x, y)) {
+            count += 1;
+            for (signal, sum) in sums.iter_mut().enumerate() {
+                *sum += f64::from(luminance(std::array::from_fn(|c| light.at(x, y, 3 * signal + c))));
+            }
+        }
+    }
+    sums.map(|sum| (sum / count.max(1) as f64) as f32)
+}
+
+type Lanes = [f32; BLOCK];
+
+/// Equations 5 to 8 for `len` pixels from (x, y) on: w = w_rt w_n w_x, each min(1, exp(-|difference|^2 / sigma^2));
+/// the distance of normals is divided by step^2.
+#[inline(always)]
+fn block(
+    step: usize,
+    inverse_colour: [f32; 2],
+    guides: &Guides,
+    position: &Rows,
+    light: &Rows,
+    (x, y): (usize, usize),
+    len: usize,
+) -> [[Lanes; 3]; 2] {
+    let own_normal = [0, 1, 2].map(|c| &guides.surface.row(y, NORMAL + c)[x..][..len]);
+    let own_position = [0, 1, 2].map(|c| &position.row(y, c)[x..][..len]);
+    let own_light = [[0, 1, 2], [3, 4, 5]].map(|signal| signal.map(|c| &light.row(y, c)[x..][..len]));
+    let inverse_normal = 1.0 / (SIGMA_NORMAL * SIGMA_NORMAL * (step * step) as f32);
+    let mut inverse_position = [0.0; BLOCK];
+    for (inverse, z) in inverse_position.iter_mut().zip(&guides.surface.row(y, DEPTH)[x..][..len]) {
+        *inverse = if *z < BACKGROUND { 1.0 / (SIGMA_POSITION * z).powi(2) } else { 1.0 };
+    }
+    let mut sums = [[[0.0; BLOCK]; 3]; 2];
+    for signal in 0..2 {
+        for c in 0..3 {
+            for i in 0..len {
+                sums[signal][c][i] = CENTRE * own_light[signal][c][i];
+            }
+        }
+    }
+    let mut weights = [[CENTRE; BLOCK]; 2];
+    taps(light.size(), step, (x, y), len, |tap| {
+        let n = tap.len;
+        let [nx, ny, nz] = own_normal.map(|p| &p[tap.first..][..n]);
+        let [px, py, pz] = own_position.map(|p| &p[tap.first..][..n]);
+        let inverse_position = &inverse_position[tap.first..][..n];
+        let [qnx, qny, qnz] = [0, 1, 2].map(|c| &guides.surface.row(tap.y, NORMAL + c)[tap.x..][..n]);
+        let [qx, qy, qz] = [0, 1, 2].map(|c| &position.row(tap.y, c)[tap.x..][..n]);
+        let mut surface = [0.0; BLOCK];
+        let surface = &mut surface[..n];
+        let squared = |a: f32, b: f32, c: f32| a * a + b * b + c * c;
+        for i in 0..n {
+            surface[i] = squared(nx[i] - qnx[i], ny[i] - qny[i], nz[i] - qnz[i]) * inverse_normal
+                + squared(px[i] - qx[i], py[i] - qy[i], pz[i] - qz[i]) * inverse_position[i];
+        }
+        for signal in 0..2 {
+            let [pr, pg, pb] = own_light[signal].map(|p| &p[tap.first..][..n]);
+            let [r, g, b] = [0, 1, 2].map(|c| &light.row(tap.y, 3 * signal + c)[tap.x..][..n]);
+            let weights = &mut weights[signal][tap.first..][..n];
+            let [sr, sg, sb] = sums[signal].each_mut().map(|s| &mut s[tap.first..][..n]);
+            for i in 0..n {
+                let colour = squared(pr[i] - r[i], pg[i] - g[i], pb[i] - b[i]) * inverse_colour[signal];
+                let w = tap.weight * exp_neg(surface[i] + colour);
+                weights[i] += w;
+                sr[i] += w * r[i];
+                sg[i] += w * g[i];
+                sb[i] += w * b[i];
+            }
+        }
+    });
+    for signal in 0..2 {
+        for i in 0..len {
+            let norm = 1.0 / weights[signal][i];
+            for c in 0..3 {
+                sums[signal][c][i] *= norm;
+            }
+        }
+    }
+    sums
+}
