@@ -150,35 +150,42 @@ fn block(
         }
     }
     let mut weights = [[CENTRE; BLOCK]; 2];
-    taps(light.size(), step, (x, y), len, |tap| {
-        let n = tap.len;
-        let [nx, ny, nz] = own_normal.map(|p| &p[tap.first..][..n]);
-        let [px, py, pz] = own_position.map(|p| &p[tap.first..][..n]);
-        let inverse_position = &inverse_position[tap.first..][..n];
-        let [qnx, qny, qnz] = [0, 1, 2].map(|c| &guides.surface.row(tap.y, NORMAL + c)[tap.x..][..n]);
-        let [qx, qy, qz] = [0, 1, 2].map(|c| &position.row(tap.y, c)[tap.x..][..n]);
-        let mut surface = [0.0; BLOCK];
-        let surface = &mut surface[..n];
-        let squared = |a: f32, b: f32, c: f32| a * a + b * b + c * c;
-        for i in 0..n {
-            surface[i] = squared(nx[i] - qnx[i], ny[i] - qny[i], nz[i] - qnz[i]) * inverse_normal
-                + squared(px[i] - qx[i], py[i] - qy[i], pz[i] - qz[i]) * inverse_position[i];
-        }
-        for signal in 0..2 {
-            let [pr, pg, pb] = own_light[signal].map(|p| &p[tap.first..][..n]);
-            let [r, g, b] = [0, 1, 2].map(|c| &light.row(tap.y, 3 * signal + c)[tap.x..][..n]);
-            let weights = &mut weights[signal][tap.first..][..n];
-            let [sr, sg, sb] = sums[signal].each_mut().map(|s| &mut s[tap.first..][..n]);
+    taps(
+        light.size(),
+        step,
+        (x, y),
+        len,
+        #[inline(always)]
+        |tap| {
+            let n = tap.len;
+            let [nx, ny, nz] = own_normal.map(|p| &p[tap.first..][..n]);
+            let [px, py, pz] = own_position.map(|p| &p[tap.first..][..n]);
+            let inverse_position = &inverse_position[tap.first..][..n];
+            let [qnx, qny, qnz] = [0, 1, 2].map(|c| &guides.surface.row(tap.y, NORMAL + c)[tap.x..][..n]);
+            let [qx, qy, qz] = [0, 1, 2].map(|c| &position.row(tap.y, c)[tap.x..][..n]);
+            let mut surface = [0.0; BLOCK];
+            let surface = &mut surface[..n];
+            let squared = |a: f32, b: f32, c: f32| a * a + b * b + c * c;
             for i in 0..n {
-                let colour = squared(pr[i] - r[i], pg[i] - g[i], pb[i] - b[i]) * inverse_colour[signal];
-                let w = tap.weight * exp_neg(surface[i] + colour);
-                weights[i] += w;
-                sr[i] += w * r[i];
-                sg[i] += w * g[i];
-                sb[i] += w * b[i];
+                surface[i] = squared(nx[i] - qnx[i], ny[i] - qny[i], nz[i] - qnz[i]) * inverse_normal
+                    + squared(px[i] - qx[i], py[i] - qy[i], pz[i] - qz[i]) * inverse_position[i];
             }
-        }
-    });
+            for signal in 0..2 {
+                let [pr, pg, pb] = own_light[signal].map(|p| &p[tap.first..][..n]);
+                let [r, g, b] = [0, 1, 2].map(|c| &light.row(tap.y, 3 * signal + c)[tap.x..][..n]);
+                let weights = &mut weights[signal][tap.first..][..n];
+                let [sr, sg, sb] = sums[signal].each_mut().map(|s| &mut s[tap.first..][..n]);
+                for i in 0..n {
+                    let colour = squared(pr[i] - r[i], pg[i] - g[i], pb[i] - b[i]) * inverse_colour[signal];
+                    let w = tap.weight * exp_neg(surface[i] + colour);
+                    weights[i] += w;
+                    sr[i] += w * r[i];
+                    sg[i] += w * g[i];
+                    sb[i] += w * b[i];
+                }
+            }
+        },
+    );
     for signal in 0..2 {
         for i in 0..len {
             let norm = 1.0 / weights[signal][i];

@@ -7,6 +7,7 @@
 //! atrous.rs    Dammertz et al. 2010
 //! temporal.rs  accumulation alone
 //! svgf.rs      Schied et al. 2017
+//! oidn/        Open Image Denoise, loaded at run time
 //! surface.rs   what the temporal ones share: which pixels of the frame before show the same surface
 //! wavelet.rs   the pattern of the a-trous wavelet
 //! ```
@@ -17,6 +18,7 @@
 pub mod atrous;
 pub mod external;
 pub mod none;
+pub mod oidn;
 pub mod quell;
 mod surface;
 pub mod svgf;
@@ -104,6 +106,9 @@ pub fn parse(name: &str) -> Result<Box<dyn Method>, Error> {
     if name == "atrous" {
         return Ok(Box::new(atrous::Atrous::default()));
     }
+    if let Some(method) = oidn::Oidn::parse(name) {
+        return Ok(Box::new(method));
+    }
     if name == "temporal" {
         return Ok(Box::new(temporal::Temporal::default()));
     }
@@ -120,4 +125,15 @@ pub fn parse(name: &str) -> Result<Box<dyn Method>, Error> {
 }
 
 /// Names that [`parse`] knows.
-pub const NAMES: &[&str] = &["none", "temporal", "quell:paper", "atrous", "svgf", "svgf:later"];
+pub const NAMES: &[&str] = &[
+    "none",
+    "temporal",
+    "quell:paper",
+    "atrous",
+    "svgf",
+    "svgf:later",
+    "oidn:fast",
+    "oidn:balanced",
+    "oidn:high",
+    "temporal+oidn:high",
+];

@@ -290,38 +290,45 @@ fn block(
         }
     }
     let mut weights = [[CENTRE; BLOCK]; 2];
-    taps(size, step, (x, y), len, |tap| {
-        let n = tap.len;
-        let surface = |c| &guides.surface.row(tap.y, c)[tap.x..][..n];
-        let [qz, qnx, qny, qnz] = [surface(DEPTH), surface(NORMAL), surface(NORMAL + 1), surface(NORMAL + 2)];
-        let [z, nx, ny, nz] = [z, nx, ny, nz].map(|p| &p[tap.first..][..n]);
-        let [gx, gy] = [gx, gy].map(|p| &p[tap.first..][..n]);
-        let [ox, oy] = tap.offset.map(|o| o * constants.sigma_z);
-        // What both signals share: -ln w_z, and h w_n.
-        let (mut off, mut share) = ([0.0; BLOCK], [0.0; BLOCK]);
-        let (off, share) = (&mut off[..n], &mut share[..n]);
-        for i in 0..n {
-            off[i] = (z[i] - qz[i]).abs() / ((gx[i] * ox + gy[i] * oy).abs() + DEPTH_EPSILON * z[i]);
-            let cos = nx[i] * qnx[i] + ny[i] * qny[i] + nz[i] * qnz[i];
-            share[i] = tap.weight * to_the_128th(if cos > 0.0 { cos } else { 0.0 });
-        }
-        for signal in 0..2 {
-            let [r, g, b, v] = [0, 1, 2, 3].map(|c| &light.row(tap.y, 4 * signal + c)[tap.x..][..n]);
-            let own = &own[signal][tap.first..][..n];
-            let scale = &scale[signal][tap.first..][..n];
-            let weights = &mut weights[signal][tap.first..][..n];
-            let [sr, sg, sb, sv] = sums[signal].each_mut().map(|s| &mut s[tap.first..][..n]);
+    taps(
+        size,
+        step,
+        (x, y),
+        len,
+        #[inline(always)]
+        |tap| {
+            let n = tap.len;
+            let surface = |c| &guides.surface.row(tap.y, c)[tap.x..][..n];
+            let [qz, qnx, qny, qnz] = [surface(DEPTH), surface(NORMAL), surface(NORMAL + 1), surface(NORMAL + 2)];
+            let [z, nx, ny, nz] = [z, nx, ny, nz].map(|p| &p[tap.first..][..n]);
+            let [gx, gy] = [gx, gy].map(|p| &p[tap.first..][..n]);
+            let [ox, oy] = tap.offset.map(|o| o * constants.sigma_z);
+            // What both signals share: -ln w_z, and h w_n.
+            let (mut off, mut share) = ([0.0; BLOCK], [0.0; BLOCK]);
+            let (off, share) = (&mut off[..n], &mut share[..n]);
             for i in 0..n {
-                let l = luminance([r[i], g[i], b[i]]);
-                let w = share[i] * exp_neg(off[i] + (own[i] - l).abs() * scale[i]);
-                weights[i] += w;
-                sr[i] += w * r[i];
-                sg[i] += w * g[i];
-                sb[i] += w * b[i];
-                sv[i] += w * w * v[i];
+                off[i] = (z[i] - qz[i]).abs() / ((gx[i] * ox + gy[i] * oy).abs() + DEPTH_EPSILON * z[i]);
+                let cos = nx[i] * qnx[i] + ny[i] * qny[i] + nz[i] * qnz[i];
+                share[i] = tap.weight * to_the_128th(if cos > 0.0 { cos } else { 0.0 });
             }
-        }
-    });
+            for signal in 0..2 {
+                let [r, g, b, v] = [0, 1, 2, 3].map(|c| &light.row(tap.y, 4 * signal + c)[tap.x..][..n]);
+                let own = &own[signal][tap.first..][..n];
+                let scale = &scale[signal][tap.first..][..n];
+                let weights = &mut weights[signal][tap.first..][..n];
+                let [sr, sg, sb, sv] = sums[signal].each_mut().map(|s| &mut s[tap.first..][..n]);
+                for i in 0..n {
+                    let l = luminance([r[i], g[i], b[i]]);
+                    let w = share[i] * exp_neg(off[i] + (own[i] - l).abs() * scale[i]);
+                    weights[i] += w;
+                    sr[i] += w * r[i];
+                    sg[i] += w * g[i];
+                    sb[i] += w * b[i];
+                    sv[i] += w * w * v[i];
+                }
+            }
+        },
+    );
     for signal in 0..2 {
         for i in 0..len {
             let norm = 1.0 / weights[signal][i];

@@ -4,6 +4,7 @@ mod baselines;
 mod browser;
 mod compare;
 mod metrics;
+mod oidn;
 mod player;
 mod references;
 mod sequences;
