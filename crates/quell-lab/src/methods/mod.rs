@@ -10,6 +10,10 @@
 //! oidn/        Open Image Denoise, loaded at run time
 //! surface.rs   what the temporal ones share: which pixels of the frame before show the same surface
 //! wavelet.rs   the pattern of the a-trous wavelet
+//! nlm.rs       non-local means, with features or of colour alone: Rousselle et al. 2013, 2012
+//! wlr.rs       weighted local regression: Moon et al. 2014
+//! nfor.rs      first-order regression on features, weights from colour: Bitterli et al. 2016
+//! offline/     what the offline ones share: halves, features, non-local means, least squares
 //! ```
 //!
 //! All methods get the same frames and guides in the same order, keep what they like between frames, and answer with
@@ -17,13 +21,17 @@
 
 pub mod atrous;
 pub mod external;
+pub mod nfor;
+pub mod nlm;
 pub mod none;
+pub mod offline;
 pub mod oidn;
 pub mod quell;
 mod surface;
 pub mod svgf;
 pub mod temporal;
 mod wavelet;
+pub mod wlr;
 
 use crate::error::Error;
 use ::quell::{Frame, Plane, PlaneRef, Rgb};
@@ -115,6 +123,12 @@ pub fn parse(name: &str) -> Result<Box<dyn Method>, Error> {
     if let Some((_, constants)) = svgf::VARIANTS.iter().find(|(variant, _)| *variant == name) {
         return Ok(Box::new(svgf::Svgf::new(name, *constants)));
     }
+    match name {
+        "nlm" | "nlm:colour" => return Ok(Box::new(nlm::Nlm::new(name == "nlm"))),
+        "wlr" => return Ok(Box::new(wlr::Wlr::default())),
+        "nfor" => return Ok(Box::new(nfor::Nfor::default())),
+        _ => {}
+    }
     if let Some(variant) = name.strip_prefix("quell:") {
         return Ok(Box::new(self::quell::Quell::parse(variant)?));
     }
@@ -132,6 +146,10 @@ pub const NAMES: &[&str] = &[
     "atrous",
     "svgf",
     "svgf:later",
+    "nlm",
+    "nlm:colour",
+    "wlr",
+    "nfor",
     "oidn:fast",
     "oidn:balanced",
     "oidn:high",
