@@ -187,6 +187,29 @@ pub(crate) fn clean_unit_range(v: f32, when_not_finite: f32, row: &mut RowTally)
 /// Normals whose squared length differs from 1 by more are normalised; half-float rounding stays within.
 const UNIT_TOLERANCE: f32 = 4e-3;
 
+/// [`clean_unit_range`] has nothing to do.
+#[cfg(feature = "cpu")]
+#[inline(always)]
+pub(crate) fn is_in_unit_range(v: f32) -> bool {
+    (0.0..=1.0).contains(&v)
+}
+
+/// [`clean_normal`] has nothing to do.
+#[cfg(feature = "cpu")]
+#[inline(always)]
+pub(crate) fn is_normal(n: [f32; 3]) -> bool {
+    let squared = n[0] * n[0] + n[1] * n[1] + n[2] * n[2];
+    // Not finite: false in both.
+    (squared == 0.0) | ((squared - 1.0).abs() <= UNIT_TOLERANCE)
+}
+
+/// [`clean_motion`] has nothing to do.
+#[cfg(feature = "cpu")]
+#[inline(always)]
+pub(crate) fn is_motion(v: [f32; 2]) -> bool {
+    !v[0].is_infinite() & !v[1].is_infinite()
+}
+
 #[inline(always)]
 pub(crate) fn clean_normal(n: [f32; 3], row: &mut RowTally) -> [f32; 3] {
     if !n.iter().all(|v| v.is_finite()) {

@@ -6,7 +6,8 @@ use crate::cpu::Cpu;
 use crate::error::Error;
 use crate::frame::{Frame, Rgb, Signal};
 use crate::history::{Ledger, PlanCache, Validity};
-use crate::pipeline::{Image, Inputs, Plan};
+use crate::memory;
+use crate::pipeline::{Image, Inputs, Plan, Stage};
 use crate::plane::{Plane, Size};
 use crate::reference::Reference;
 use crate::report::{Report, StageTimes, clock};
@@ -23,6 +24,28 @@ pub enum Backend {
     /// The fast one (feature `cpu`; without it the reference runs).
     #[default]
     Cpu,
+}
+
+impl Backend {
+    /// Bytes a pixel that a stage reads and writes on the fast back end, each plane once for every pass over it, for a
+    /// frame with all planes and no passes. `None`: the stage does not run, or nobody has counted (reference).
+    pub fn bytes_per_pixel(self, plan: &Plan, settings: &Settings, stage: Stage) -> Option<u32> {
+        match self {
+            #[cfg(feature = "cpu")]
+            Self::Cpu => crate::cpu::traffic::bytes_per_pixel(plan, settings, stage),
+            _ => {
+                let _ = (plan, settings, stage);
+                None
+            }
+        }
+    }
+
+    fn least_bytes_per_pixel(self) -> usize {
+        match self {
+            Self::Cpu if cfg!(feature = "cpu") => memory::CPU,
+            _ => memory::REFERENCE,
+        }
+    }
 }
 
 #[derive(Clone, Debug)]
@@ -123,7 +146,9 @@ impl Denoiser {
     /// A denoiser for frames of `size` on the fast back end.
     ///
     /// # Errors
-    /// A size without pixels or beyond [`MAX_EXTENT`]; a setting out of its range.
+    /// A size without pixels or beyond [`MAX_EXTENT`]; a setting out of its range; a size whose images the system has no
+    /// memory for ([`Error::Memory`]: asked at once for all that the denoiser will hold at the least; a system that
+    /// promises more than it has can still end the process later).
     pub fn new(size: Size, settings: &Settings) -> Result<Self, Error> {
         Self::with_backend(size, settings, Backend::default())
     }
@@ -140,6 +165,7 @@ impl Denoiser {
             return Err(Error::SizeTooLarge { size, limit: MAX_EXTENT });
         }
         settings.check()?;
+        memory::probe(size, backend.least_bytes_per_pixel())?;
         Ok(Self {
             size,
             settings: settings.clone(),

@@ -20,6 +20,17 @@ pub enum Error {
         /// Largest extent.
         limit: usize,
     },
+    /// The system refuses the memory that images of this size need.
+    #[error(
+        "images of {size} need at least {:.1} GiB, which this system refuses; take a smaller size",
+        *.bytes as f64 / (1u64 << 30) as f64
+    )]
+    Memory {
+        /// The size given.
+        size: Size,
+        /// What it takes at the least, in bytes.
+        bytes: u64,
+    },
     /// A slice does not hold the rows it is said to hold.
     #[error("a plane of {size} with a stride of {stride} does not fit {len} elements")]
     PlaneLength {

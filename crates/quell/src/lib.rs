@@ -46,6 +46,7 @@ pub mod error;
 pub mod frame;
 pub mod history;
 pub mod kernels;
+mod memory;
 mod par;
 pub mod pipeline;
 pub mod plane;

@@ -19,7 +19,7 @@ impl Size {
 
     /// Number of pixels.
     pub const fn pixels(self) -> usize {
-        self.width * self.height
+        self.width.saturating_mul(self.height)
     }
 
     /// True where the integer pixel (x, y) lies inside.

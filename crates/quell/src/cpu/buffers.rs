@@ -5,6 +5,7 @@ use super::layout::{Colours, Phases};
 use crate::frame::Rgb;
 use crate::pipeline::Image;
 use crate::plane::Plane;
+use fearless_simd::Level;
 
 /// Images of the frame at work, in phase order, and buffers at rest.
 #[derive(Clone, Debug, Default)]
@@ -61,12 +62,12 @@ impl Buffers {
     }
 
     /// Copies an image to `shown`, plane by plane, in the host's order.
-    pub fn show(&mut self, phases: &Phases, source: &Colours, shown: &mut Vec<Plane<Rgb>>) {
+    pub fn show(&mut self, level: Level, phases: &Phases, source: &Colours, shown: &mut Vec<Plane<Rgb>>) {
         for plane in 0..source.planes {
             let buffer = self.take(phases.size.pixels(), 1);
             // The length is right by construction.
             if let Ok(mut target) = Plane::from_vec(phases.size, buffer.data) {
-                show(phases, source, plane, &mut target);
+                show(level, phases, source, plane, &mut target);
                 shown.push(target);
             }
         }

@@ -121,18 +121,71 @@ pub(crate) fn channel(row: &[f32], width: usize, plane: usize, c: usize) -> &[f3
     &row[(plane * 3 + c) * width..][..width]
 }
 
-/// Copies a slice; where it is `N` long, as it nearly always is, without a call.
+/// Pixels of the four phases, `N` of each at most, to a run of columns in the host's order.
+#[inline(always)]
+pub(crate) fn interleave<const N: usize>(phases: &[[f32; N]; PERIOD], columns: &mut [f32]) {
+    let [a, b, c, d] = phases;
+    let (groups, rest) = columns.as_chunks_mut::<PERIOD>();
+    let n = groups.len().min(N);
+    let groups = &mut groups[..n];
+    for i in 0..n {
+        groups[i] = [a[i], b[i], c[i], d[i]];
+    }
+    for (phase, out) in rest.iter_mut().enumerate() {
+        *out = phases[phase][n.min(N - 1)];
+    }
+}
+
+/// Copies a slice without a call, up to [`LONGEST_COPY`] elements: whole where it is `N` long, as it nearly always is,
+/// else by powers of two.
 #[inline(always)]
 pub(crate) fn copy<const N: usize, T: Copy>(target: &mut [T], source: &[T]) {
     match (<&mut [T; N]>::try_from(&mut *target), <&[T; N]>::try_from(source)) {
         (Ok(target), Ok(source)) => *target = *source,
+        _ if source.len() < LONGEST_COPY => {
+            let rest = copy_part::<64, _>(target, source);
+            let rest = copy_part::<32, _>(rest.0, rest.1);
+            let rest = copy_part::<16, _>(rest.0, rest.1);
+            let rest = copy_part::<8, _>(rest.0, rest.1);
+            let rest = copy_part::<4, _>(rest.0, rest.1);
+            let rest = copy_part::<2, _>(rest.0, rest.1);
+            copy_part::<1, _>(rest.0, rest.1);
+        }
         _ => target.copy_from_slice(source),
+    }
+}
+
+/// Longer slices are copied by the system's function.
+const LONGEST_COPY: usize = 128;
+
+/// Copies the first `M` elements where the length has that bit; what is left.
+#[inline(always)]
+fn copy_part<'a, const M: usize, T: Copy>(target: &'a mut [T], source: &'a [T]) -> (&'a mut [T], &'a [T]) {
+    if source.len() & M == 0 {
+        return (target, source);
+    }
+    match (target.split_first_chunk_mut::<M>(), source.split_first_chunk::<M>()) {
+        (Some((to, target)), Some((from, source))) => {
+            *to = *from;
+            (target, source)
+        }
+        _ => (&mut [], &[]), // the slices differ in length
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn copies_are_whole() {
+        let source: Vec<u32> = (1..300).collect();
+        for n in 0..source.len() {
+            let mut target = vec![0; n + 1];
+            copy::<66, _>(&mut target[..n], &source[..n]);
+            assert_eq!((&target[..n], target[n]), (&source[..n], 0), "{n}");
+        }
+    }
 
     #[test]
     fn every_column_has_its_element_and_taps_land_where_they_should() {

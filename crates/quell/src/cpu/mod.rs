@@ -9,6 +9,7 @@ pub(crate) mod guides;
 pub(crate) mod layout;
 mod passes;
 mod rows;
+pub(crate) mod traffic;
 
 use crate::border::{PlaneName, Sanitised};
 use crate::error::Error;
@@ -23,7 +24,7 @@ use crate::settings::Settings;
 use crate::stages::glossy_bilateral::reference::Axis;
 use buffers::Buffers;
 use fearless_simd::Level;
-use guides::{CpuGuides, read_colours};
+use guides::{CpuGuides, copy_colours, read_colours};
 use layout::{Colours, Phases};
 use passes::{composite, direct_taa, disocclusion, firefly, glossy_bilateral, sparse_bilateral, temporal};
 
@@ -32,13 +33,15 @@ use passes::{composite, direct_taa, disocclusion, firefly, glossy_bilateral, spa
 struct Memory {
     confidence: Plane<f32>,
     length: Plane<f32>,
-    length_before: Plane<f32>,
+    /// The length in phase order, of this frame and of the one before.
+    kept: Vec<f32>,
+    kept_before: Vec<f32>,
 }
 
 impl Memory {
     fn new(size: Size) -> Self {
-        let (confidence, one) = (Plane::filled(size, 1.0), Plane::filled(size, 1.0));
-        Self { confidence, length: one.clone(), length_before: one }
+        let (one, kept) = (Plane::filled(size, 1.0), vec![1.0; size.pixels()]);
+        Self { confidence: one.clone(), length: one, kept: kept.clone(), kept_before: kept }
     }
 }
 
@@ -68,6 +71,9 @@ pub struct Cpu {
     spiral: Spiral,
     /// Radii of the glossy kernel, from stage 9 to stage 10.
     radius: Option<Colours>,
+    /// What stage 3 tells stage 8 of the surfaces, and whether it did in this frame.
+    seen: Vec<f32>,
+    seen_now: bool,
 }
 
 /// Places in `Cpu::shown` after those of the signals.
@@ -95,6 +101,8 @@ impl Cpu {
             shown: Default::default(),
             spiral: Spiral::empty(),
             radius: None,
+            seen: Vec::new(),
+            seen_now: false,
         }
     }
 
@@ -112,7 +120,7 @@ impl Cpu {
         self.open(frame);
         // Taken out while the passes borrow it.
         let mut guides = self.guides.take().unwrap_or_else(|| CpuGuides::new(self.phases, view));
-        let result = guides.read(frame, sanitised);
+        let result = guides.read(self.level, frame, sanitised);
         if result.is_ok() {
             for (i, step) in plan.steps.iter().enumerate() {
                 if step.stage == Stage::Composite {
@@ -151,6 +159,7 @@ impl Cpu {
         }
         self.buffers.clear();
         self.accumulated = [false; 2];
+        self.seen_now = false;
         let planes = Signal::ALL.map(|s| 1 + frame.passes.iter().filter(|p| p.signal == s).count());
         if planes != self.planes {
             self.planes = planes;
@@ -158,7 +167,23 @@ impl Cpu {
             self.buffers.retain(&[pixels, pixels * planes[0], pixels * planes[1]]);
         }
         for memory in self.memory.iter_mut().flatten() {
-            std::mem::swap(&mut memory.length, &mut memory.length_before);
+            std::mem::swap(&mut memory.kept, &mut memory.kept_before);
+        }
+    }
+
+    /// Shows an input image that no stage reads: it stays in the host's order.
+    fn show_input(&mut self, frame: &Frame<'_>, image: Image, place: usize, sanitised: &mut Sanitised) {
+        let Some((signal, name)) = input_of(image) else { return };
+        let source = signal.map_or(frame.direct, |s| frame.signal(s));
+        let passes = frame.passes.iter().filter(|p| Some(p.signal) == signal);
+        let sources = std::iter::once((source, name)).chain(passes.map(|p| (Some(p.plane), PlaneName::Passes)));
+        for (source, name) in sources {
+            let buffer = self.buffers.take(self.phases.size.pixels(), 1);
+            // The length is right by construction.
+            if let Ok(mut target) = Plane::from_vec(self.phases.size, buffer.data) {
+                copy_colours(self.level, source, &mut target, name, sanitised);
+                self.shown[place].planes.push(target);
+            }
         }
     }
 
@@ -167,27 +192,22 @@ impl Cpu {
         if self.buffers.get(image).is_some() {
             return;
         }
-        let (signal, name) = match image {
-            Image::MatteInput => (Some(Signal::Matte), PlaneName::Matte),
-            Image::GlossyInput => (Some(Signal::Glossy), PlaneName::Glossy),
-            Image::DirectInput => (None, PlaneName::Direct),
-            _ => return,
-        };
+        let Some((signal, name)) = input_of(image) else { return };
         let source = signal.map_or(frame.direct, |s| frame.signal(s));
         let planes = signal.map_or(1, |s| self.planes[s as usize]);
         let mut colours = self.buffers.take(self.phases.size.pixels(), planes);
         match source {
-            Some(source) => read_colours(&self.phases, source, &mut colours, 0, name, sanitised),
+            Some(source) => read_colours(self.level, &self.phases, source, &mut colours, 0, name, sanitised),
             None => colours.elements_mut().fill(0.0),
         }
         let passes = frame.passes.iter().filter(|p| Some(p.signal) == signal);
         for (k, pass) in passes.enumerate() {
-            read_colours(&self.phases, pass.plane, &mut colours, k + 1, PlaneName::Passes, sanitised);
+            read_colours(self.level, &self.phases, pass.plane, &mut colours, k + 1, PlaneName::Passes, sanitised);
         }
         self.buffers.insert(image, colours);
     }
 
-    fn step(&mut self, step: &Step, index: i64, settings: &Settings, guides: &CpuGuides, valid: Validity) {
+    fn step(&mut self, step: &Step, index: i64, settings: &Settings, guides: &CpuGuides, validity: Validity) {
         let (phases, level) = (self.phases, self.level);
         let pixels = phases.size.pixels();
         // The plan guarantees it; a mistake in it shows as a missing output, not as a panic.
@@ -196,27 +216,36 @@ impl Cpu {
         match step.stage {
             Stage::MatteTemporal | Stage::GlossyTemporal => {
                 let (signal, valid) = match step.stage {
-                    Stage::MatteTemporal => (Signal::Matte, valid.matte),
-                    _ => (Signal::Glossy, valid.glossy),
+                    Stage::MatteTemporal => (Signal::Matte, validity.matte),
+                    _ => (Signal::Glossy, validity.glossy),
                 };
                 let memory = self.memory[signal as usize].get_or_insert_with(|| Memory::new(phases.size));
                 self.accumulated[signal as usize] = true;
-                let Memory { confidence, length, length_before } = memory;
+                let Memory { confidence, length, kept, kept_before } = memory;
                 let history = self.history[signal as usize].take();
                 match history.as_ref().filter(|h| valid && h.planes == input.planes) {
                     Some(colours) => {
-                        let filter = temporal::Filter { level, guides, settings, signal };
-                        let remembered = temporal::Remembered { colours, length: length_before };
-                        temporal::run(
-                            &filter,
-                            &input,
-                            remembered,
-                            &mut output,
-                            temporal::Memory { confidence, length },
-                        );
+                        let remembered = temporal::Remembered { colours, length: kept_before };
+                        let told = self.seen_now && signal == Signal::Glossy;
+                        let tells = signal == Signal::Matte
+                            && settings.glossy_temporal.enabled
+                            && validity.glossy
+                            && temporal::mirrors(settings, guides);
+                        if tells {
+                            self.seen.resize(pixels, 0.0);
+                            self.seen_now = true;
+                        }
+                        let (seen, tell) = match (told, tells) {
+                            (true, _) => (Some(&*self.seen), None),
+                            (_, true) => (None, Some(&mut *self.seen)),
+                            _ => (None, None),
+                        };
+                        let filter = temporal::Filter { level, guides, settings, signal, seen };
+                        let memory = temporal::Memory { confidence, length, kept, seen: tell };
+                        temporal::run(&filter, &input, remembered, &mut output, memory);
                     }
                     None => {
-                        temporal::begin(guides, temporal::Memory { confidence, length });
+                        temporal::begin(guides, temporal::Memory { confidence, length, kept, seen: None });
                         output.data.copy_from_slice(&input.data);
                     }
                 }
@@ -259,7 +288,7 @@ impl Cpu {
             }
             Stage::DirectTaa => {
                 let history = self.direct_history.take();
-                match history.as_ref().filter(|_| valid.direct) {
+                match history.as_ref().filter(|_| validity.direct) {
                     Some(history) => {
                         direct_taa::run(level, guides, &settings.direct_taa, (&input, history), &mut output);
                     }
@@ -286,12 +315,14 @@ impl Cpu {
             let stage = &settings.disocclusion;
             disocclusion::distrust(level, &phases, &memory.confidence, stage, distrust, &mut rest[..pixels]);
             let images = (input, &prefiltered);
-            disocclusion::run(level, &phases, images, distrust, stage.floor, output);
+            let output = (output, stage.floor);
             if step.also_writes.contains(&Image::MatteFloored) {
                 let floor = stage.floor.max(stage.feedback_floor);
                 let mut floored = self.buffers.take(pixels, input.planes);
-                disocclusion::run(level, &phases, images, distrust, floor, &mut floored);
+                disocclusion::run(level, &phases, images, distrust, output, Some((&mut floored, floor)));
                 self.buffers.insert(Image::MatteFloored, floored);
+            } else {
+                disocclusion::run(level, &phases, images, distrust, output, None);
             }
         }
         self.buffers.give(scratch);
@@ -310,7 +341,7 @@ impl Cpu {
             let Some(colours) = self.buffers.remove(image) else { continue };
             let unshown = outputs.iter().position(|o| *o == image).filter(|p| self.shown[*p].image.is_none());
             if let Some(place) = unshown {
-                self.buffers.show(&self.phases, &colours, &mut self.shown[place].planes);
+                self.buffers.show(self.level, &self.phases, &colours, &mut self.shown[place].planes);
                 self.shown[place].image = Some(image);
             }
             if feedback.contains(&Some(image)) || direct_feedback {
@@ -330,12 +361,8 @@ impl Cpu {
         ];
         for (place, image) in outputs.into_iter().enumerate() {
             let Some(image) = image.filter(|_| self.shown[place].image.is_none()) else { continue };
-            self.read(frame, image, sanitised);
-            if let Some(colours) = self.buffers.remove(image) {
-                self.buffers.show(&self.phases, &colours, &mut self.shown[place].planes);
-                self.buffers.give(colours);
-                self.shown[place].image = Some(image);
-            }
+            self.show_input(frame, image, place, sanitised);
+            self.shown[place].image = Some(image);
         }
         let Ok(mut output) = Plane::from_vec(self.phases.size, self.buffers.take(self.phases.size.pixels(), 1).data)
         else {
@@ -361,6 +388,16 @@ impl Cpu {
             self.buffers.give(old);
         }
         self.direct_history = self.buffers.remove(Image::DirectAntialiased);
+    }
+}
+
+/// The signal of an input image, and the name of its plane; direct light belongs to no signal.
+fn input_of(image: Image) -> Option<(Option<Signal>, PlaneName)> {
+    match image {
+        Image::MatteInput => Some((Some(Signal::Matte), PlaneName::Matte)),
+        Image::GlossyInput => Some((Some(Signal::Glossy), PlaneName::Glossy)),
+        Image::DirectInput => Some((None, PlaneName::Direct)),
+        _ => None,
     }
 }
 

@@ -1,7 +1,7 @@
 //! Boxes for the colour clamp (`clip.rs`) of a run of pixels: least and greatest values, or sums, down columns first,
 //! then along rows.
 
-use super::math::ycocg_from_rgb;
+use super::math::{three, ycocg_from_rgb};
 use super::reproject_cpu::{LANES, Lanes3};
 use crate::cpu::layout::{Colours, Phases, channel, copy};
 use crate::kernels::spiral::PERIOD;
@@ -129,62 +129,87 @@ impl Columns {
     }
 }
 
-/// Sums over the columns around a block of `LANES` pixels of each phase: YCoCg, their squares, surfaces.
+/// Most rows of a band, and rows of the widest window.
+const MOST_ROWS: usize = 9;
+
+/// What a row adds to the sums: YCoCg and the number of surfaces; 0 where there is none.
+type Terms = [Padded; 4];
+/// Three sums, three sums of squares, the number.
+type Sums = [Padded; 7];
+
+/// Sums over the columns around a block of `LANES` pixels of each phase, for a band of rows.
+///
+/// A band is as high as a window, so the windows of all its rows hold the band's last row before the middle: each is
+/// the end of a run of sums upwards from there and the beginning of one downwards. A row is then read twice, not once
+/// for every window, and nothing is subtracted.
 #[derive(Debug)]
 #[repr(align(64))]
 pub(crate) struct Moments {
-    /// Three sums, three sums of squares, the number.
-    sums: [[Padded; 7]; PERIOD],
+    sums: [[Sums; PERIOD]; MOST_ROWS],
 }
 
 impl Moments {
     pub fn new() -> Self {
-        Self { sums: [[[0.0; PADDED]; 7]; PERIOD] }
+        Self { sums: [[[[0.0; PADDED]; 7]; PERIOD]; MOST_ROWS] }
     }
 
-    /// As [`Columns::fill`]; only surfaces count.
+    /// Rows of a band, for windows of `radius` (at most [`PERIOD`]).
+    pub const fn band(radius: usize) -> usize {
+        if radius < PERIOD { 2 * radius + 1 } else { MOST_ROWS }
+    }
+
+    /// As [`Columns::fill`], for `rows` rows from `y` on; only surfaces count.
     #[inline(always)]
     pub fn fill(
         &mut self,
         phases: &Phases,
         current: &Colours,
         depth: &[f32],
-        (y, first): (usize, usize),
+        (y, rows, first): (usize, usize, usize),
         radius: usize,
     ) {
-        let rows = y.saturating_sub(radius)..(y + radius + 1).min(phases.size.height);
-        let mut line = Line::new();
+        let radius = radius.min(PERIOD);
+        let rows = rows.min(Self::band(radius));
+        let height = phases.size.height;
+        let mut terms = [[0.0; PADDED]; 4];
         for phase in 0..PERIOD {
-            let sums = &mut self.sums[phase];
-            *sums = [[0.0; PADDED]; 7];
-            for ty in rows.clone() {
-                if !line.load(phases, current, Some(depth), (ty, first), phase) {
-                    continue;
+            let mut sums = [[0.0; PADDED]; 7];
+            for k in (0..=2 * radius).rev() {
+                // Wraps above the image.
+                let ty = (y + k).wrapping_sub(radius);
+                if ty < height && load_terms(&mut terms, phases, current, depth, (ty, first), phase) {
+                    add_terms(&terms, &mut sums);
                 }
-                for c in 0..3 {
+                if k < rows {
+                    self.sums[k][phase] = sums;
+                }
+            }
+            let mut sums = [[0.0; PADDED]; 7];
+            for k in 1..rows {
+                let ty = y + k + radius;
+                if ty < height && load_terms(&mut terms, phases, current, depth, (ty, first), phase) {
+                    add_terms(&terms, &mut sums);
+                }
+                for (window, sums) in self.sums[k][phase].iter_mut().zip(&sums) {
                     for i in 0..PADDED {
-                        let value = if line.depth[i] < f32::INFINITY { line.colour[c][i] } else { 0.0 };
-                        sums[c][i] += value;
-                        sums[3 + c][i] += value * value;
+                        window[i] += sums[i];
                     }
-                }
-                for i in 0..PADDED {
-                    sums[6][i] += if line.depth[i] < f32::INFINITY { 1.0 } else { 0.0 };
                 }
             }
         }
     }
 
-    /// The boxes of one phase's pixels: mean and `gamma` deviations.
+    /// The boxes of one phase's pixels in row `k` of the band: mean and `gamma` deviations.
     #[inline(always)]
-    pub fn boxes(&self, phase: usize, radius: usize, gamma: f32, low: &mut Lanes3, high: &mut Lanes3) {
+    pub fn boxes(&self, (k, phase): (usize, usize), radius: usize, gamma: f32, low: &mut Lanes3, high: &mut Lanes3) {
+        let columns = &self.sums[k];
         let mut sums = [[0.0f32; LANES]; 7];
         let radius = radius.min(PERIOD) as isize;
         for d in -radius..=radius {
             let target = phase as isize + d;
             let (of, shift) = (target.rem_euclid(PERIOD as isize) as usize, target.div_euclid(PERIOD as isize));
             for c in 0..7 {
-                let column = &self.sums[of][c][(1 + shift) as usize..][..LANES];
+                let column = &columns[of][c][(1 + shift) as usize..][..LANES];
                 for i in 0..LANES {
                     sums[c][i] += column[i];
                 }
@@ -203,5 +228,55 @@ impl Moments {
                 high[c][i] = mean + gamma * deviation;
             }
         }
+    }
+}
+
+/// The terms of pixels `first - 1` up to `first + LANES` of a phase; false where there are none.
+#[inline(always)]
+fn load_terms(
+    terms: &mut Terms,
+    phases: &Phases,
+    current: &Colours,
+    depth: &[f32],
+    (y, first): (usize, usize),
+    phase: usize,
+) -> bool {
+    let width = phases.size.width;
+    let begin = first.saturating_sub(1);
+    let end = (first + LANES + 1).min(phases.count(phase));
+    if begin >= end {
+        return false;
+    }
+    let (n, lane) = (end - begin, begin + 1 - first);
+    let at = phases.range(phase).start + begin;
+    let row = current.row(width, y);
+    let [r, g, b] = three(|c| &channel(row, width, 0, c)[at..][..n]);
+    let depth = &depth[y * width + at..][..n];
+    *terms = [[0.0; PADDED]; 4];
+    let [luma, orange, green, count] = terms;
+    let (luma, orange) = (&mut luma[lane..][..n], &mut orange[lane..][..n]);
+    let (green, count) = (&mut green[lane..][..n], &mut count[lane..][..n]);
+    for i in 0..n {
+        let colour = ycocg_from_rgb([r[i], g[i], b[i]]);
+        let counts = depth[i] < f32::INFINITY;
+        luma[i] = if counts { colour[0] } else { 0.0 };
+        orange[i] = if counts { colour[1] } else { 0.0 };
+        green[i] = if counts { colour[2] } else { 0.0 };
+        count[i] = if counts { 1.0 } else { 0.0 };
+    }
+    true
+}
+
+#[inline(always)]
+fn add_terms(terms: &Terms, sums: &mut Sums) {
+    for c in 0..3 {
+        for i in 0..PADDED {
+            let value = terms[c][i];
+            sums[c][i] += value;
+            sums[3 + c][i] += value * value;
+        }
+    }
+    for i in 0..PADDED {
+        sums[6][i] += terms[3][i];
     }
 }

@@ -127,6 +127,35 @@ impl Expected {
         }
     }
 
+    /// What [`Expected::find`] finds of pixels that are known not to have moved by themselves, but for their place in
+    /// the previous image.
+    #[inline(always)]
+    pub fn rest(&mut self, guides: &CpuGuides, (y, begin, n): (usize, usize, usize), (x, stride): (usize, usize)) {
+        let width = guides.phases.size.width;
+        let now = &guides.now;
+        self.n = n;
+        self.y = y;
+        self.depth = [f32::INFINITY; LANES];
+        copy::<LANES, _>(&mut self.depth[..n], &field(&now.depth, width, 1, y, 0)[begin..][..n]);
+        for c in 0..3 {
+            copy::<LANES, _>(&mut self.normal[c][..n], &field(&now.normal, width, 3, y, c)[begin..][..n]);
+        }
+        copy::<LANES, _>(&mut self.roughness[..n], &field(&now.roughness, width, 1, y, 0)[begin..][..n]);
+        copy::<LANES, _>(&mut self.id[..n], &field(&now.id, width, 1, y, 0)[begin..][..n]);
+        let v = y as f32 + 0.5 + now.jitter.y;
+        for i in 0..LANES {
+            self.x[i] = (x + stride * i) as f32;
+            let u = self.x[i] + 0.5 + now.jitter.x;
+            let position = world(&now.view, u, v, self.depth[i]);
+            for c in 0..3 {
+                self.position[c][i] = position[c];
+                self.was_at[c][i] = position[c];
+            }
+        }
+        self.was_facing = self.normal;
+        self.moved = [0; LANES];
+    }
+
     /// Motion tells the pixel but not the depth: the nearest previous pixel of the same object anchors the plane.
     #[inline(never)]
     fn anchor(&mut self, guides: &CpuGuides, settings: &SurfaceSettings, i: usize) {
@@ -207,8 +236,6 @@ fn lane(v: &Lanes3, i: usize) -> [f32; 3] {
 /// Where a pixel of the previous image is stored.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Place {
-    /// Column in images in the host's order.
-    pub column: [u32; LANES],
     /// Element of a row in phase order.
     pub element: [u32; LANES],
     pub row: [u32; LANES],
@@ -216,7 +243,7 @@ pub(crate) struct Place {
 
 impl Default for Place {
     fn default() -> Self {
-        Self { column: [0; LANES], element: [0; LANES], row: [0; LANES] }
+        Self { element: [0; LANES], row: [0; LANES] }
     }
 }
 
@@ -360,7 +387,6 @@ impl Footprint {
             for &(first, n) in &self.segments.runs[..self.segments.count] {
                 let (x, y) = ((base[0][first] + right) as usize, (base[1][first] + down) as usize);
                 let element = guides.phases.element(x);
-                self.place[k].column[first] = x as u32;
                 self.place[k].element[first] = element as u32;
                 self.place[k].row[first] = y as u32;
                 copy::<LANES, _>(
@@ -390,7 +416,6 @@ impl Footprint {
                 let (x, y) = (x as usize, y as usize);
                 let element = guides.phases.element(x);
                 let index = y * width + element;
-                self.place[k].column[i] = x as u32;
                 self.place[k].element[i] = element as u32;
                 self.place[k].row[i] = y as u32;
                 self.depth[k][i] = before.depth[index];
@@ -535,9 +560,9 @@ pub(crate) fn previous_reflectors(
 }
 
 /// Step 2, glossy: where the mirror images of the lanes were, into `coordinate`; `alive` goes to 0 where that is
-/// unknown or off screen. `hit`: filtered hit distances.
+/// unknown or off screen. `hit`: filtered hit distances. `MOVED`: lanes may have moved.
 #[inline(always)]
-pub(crate) fn virtual_coordinates(
+pub(crate) fn virtual_coordinates<const MOVED: bool>(
     guides: &CpuGuides,
     settings: &Settings,
     e: &Expected,
@@ -560,7 +585,7 @@ pub(crate) fn virtual_coordinates(
         let distance = if limit < hit[i] { limit } else { hit[i] };
         let (position, normal) = (lane(&e.position, i), lane(&e.normal, i));
         // At rest: the image of a plane mirror lies behind it, on the eye ray. Else mirrored in the plane of then.
-        let moved = e.moved[i] != 0;
+        let moved = MOVED & (e.moved[i] != 0);
         let (was_at, was_facing) = (lane(&e.was_at, i), lane(&e.was_facing, i));
         let twice = 2.0 * dot(ray, normal);
         let reflected = three(|c| ray[c] - twice * normal[c]);

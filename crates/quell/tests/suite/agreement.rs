@@ -118,6 +118,41 @@ fn canaries(output: &Output) -> Vec<(&'static str, Output)> {
     ]
 }
 
+/// As [`canaries`], for planes of values so different in size that a share of each would drown in their mean.
+fn wild_canaries(output: &Output) -> Vec<(&'static str, Output)> {
+    let with = |change: &dyn Fn(&mut Kept)| {
+        let mut kept = output.kept.clone();
+        change(&mut kept);
+        Output { backend: output.backend, kept }
+    };
+    let off = |p: &mut Plane<Rgb>| {
+        let n = 3 * p.data().len();
+        let magnitude = p.data().iter().flatten().map(|v| f64::from(v.abs())).sum::<f64>() / n as f64;
+        for v in p.data_mut().iter_mut().flatten() {
+            *v += (0.01 * (f64::from(v.abs()) + magnitude).max(1e-3)) as f32;
+        }
+    };
+    let mut all = vec![
+        ("everything off by 1 %", with(&|kept| planes(kept).into_iter().for_each(|(_, p)| off(p)))),
+        ("direct light off by 1 %", with(&|kept| off(&mut kept.direct))),
+        ("a number lost", with(&|kept| kept.direct.data_mut()[0][1] = f32::NAN)),
+        ("an older history", with(&|kept| kept.history.data_mut()[0] += 1.0)),
+        ("a repair that was not counted", with(&|kept| kept.report.reset_pixels += 1)),
+    ];
+    for (name, k) in [("the last plane off by 1 %", 1), ("the last plane but one off by 1 %", 2)] {
+        let change = |kept: &mut Kept| {
+            let mut planes = planes(kept);
+            let at = planes.len() - k;
+            off(planes[at].1);
+        };
+        // A composite may leave the range of numbers: it is then not compared.
+        if planes(&mut output.kept.clone()).len() - k > 0 {
+            all.push((name, with(&change)));
+        }
+    }
+    all
+}
+
 const SIZE: Size = Size::new(83, 49);
 
 fn scenes() -> [(&'static str, Scene); 4] {
@@ -253,6 +288,9 @@ fn orthographic_cameras_agree() {
     }
     let [a, b] = outputs(&with_radius(Settings::default(), SIZE, 12.0), &frames);
     compare(&a, &b, SEQUENCE).unwrap();
+    for (canary, planted) in canaries(&b) {
+        assert!(compare(&a, &planted, SEQUENCE).is_err(), "{canary}");
+    }
 }
 
 #[test]
@@ -298,6 +336,20 @@ fn a_cut_a_resize_and_planes_that_come_and_go_agree() {
         if let Err(difference) = compare(&a, &b, SEQUENCE) {
             panic!("frame {i}: {difference}");
         }
+        for (canary, planted) in canaries(&b).into_iter().chain(wild_canaries(&b)) {
+            assert!(compare(&a, &planted, SEQUENCE).is_err(), "frame {i}: {canary} went unseen");
+        }
+    }
+    // What would be left of a cut, a resize or a lost plane that one of the two had overlooked.
+    let frames: Vec<FrameBuf> = (0..3).map(|i| scene.frame(Size::new(37, 23), i)).collect();
+    let mut cut = frames.clone();
+    cut[2].index = 9;
+    let mut lost = frames.clone();
+    lost.iter_mut().for_each(|f| f.glossy = None);
+    for (name, other) in [("a cut", cut), ("a lost plane", lost)] {
+        let [a, _] = outputs(&settings, &frames);
+        let [_, b] = outputs(&settings, &other);
+        assert!(compare(&a, &b, SEQUENCE).is_err(), "{name} went unseen");
     }
 }
 
@@ -465,6 +517,11 @@ proptest! {
             let bound = Bound { flips: WILD.flips.max(1.0 / (3 * size.pixels()) as f64), ..WILD };
             let result = compare(&a, &b, bound);
             prop_assert!(result.is_ok(), "frame {}: {}", index, result.unwrap_err());
+            if index == 2 {
+                for (canary, planted) in wild_canaries(&b) {
+                    prop_assert!(compare(&a, &planted, bound).is_err(), "{} went unseen", canary);
+                }
+            }
         }
     }
 }

@@ -57,26 +57,39 @@ pub(crate) fn distrust(
     });
 }
 
-/// The blend with at least `floor` of `prefiltered`.
+/// An image to be written: the blend with at least so much of the prefiltered one.
+pub(crate) type Floored<'a> = (&'a mut Colours, f32);
+
+/// The blends. Both in one go: they read the same rows.
 pub(crate) fn run(
     level: Level,
     phases: &Phases,
     (temporal, prefiltered): (&Colours, &Colours),
     distrust: &[f32],
-    floor: f32,
-    output: &mut Colours,
+    (output, floor): Floored<'_>,
+    feedback: Option<Floored<'_>>,
 ) {
     let width = phases.size.width;
     let stride = output.stride(width);
-    rows::each(output.elements_mut(), stride, |y, out| {
+    let blended = |y: usize, out: &mut [f32], also: Option<(&mut [f32], f32)>| {
         let distrust = &distrust[y * width..][..width];
-        let (temporal, prefiltered) = (temporal.row(width, y), prefiltered.row(width, y));
+        let channels = || temporal.row(width, y).chunks(width).zip(prefiltered.row(width, y).chunks(width));
         dispatch!(level, _simd => {
-            for ((out, a), b) in
-                out.chunks_mut(width).zip(temporal.chunks(width)).zip(prefiltered.chunks(width))
-            {
+            for ((a, b), out) in channels().zip(out.chunks_mut(width)) {
                 blend(a, b, distrust, floor, out);
             }
+            if let Some((also, floor)) = also {
+                for ((a, b), out) in channels().zip(also.chunks_mut(width)) {
+                    blend(a, b, distrust, floor, out);
+                }
+            }
         });
-    });
+    };
+    match feedback {
+        Some((also, floor)) => {
+            let images = (output.elements_mut(), also.elements_mut());
+            rows::zip2(images, [stride; 2], |y, out, also| blended(y, out, Some((also, floor))));
+        }
+        None => rows::each(output.elements_mut(), stride, |y, out| blended(y, out, None)),
+    }
 }

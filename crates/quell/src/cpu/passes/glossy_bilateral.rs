@@ -9,9 +9,11 @@ use crate::kernels::math::three;
 use crate::kernels::spiral::PERIOD;
 use crate::settings::{GlossyBilateral, OffScreen, Settings};
 use crate::stages::glossy_bilateral::KernelSize;
-use crate::stages::glossy_bilateral::cpu::{add_neighbours, admit, exponents, finish, gaussian, nearness, radii};
+use crate::stages::glossy_bilateral::cpu::{
+    GENTLE_SIGMA, add_neighbours, admit, exponents, finish, gaussian, nearness, radii,
+};
 use crate::stages::glossy_bilateral::reference::Axis;
-use crate::stages::matte_prefilter::cpu::gather;
+use crate::stages::matte_prefilter::cpu::{gather, invert};
 use fearless_simd::{Level, dispatch};
 
 /// What a pass needs besides its images.
@@ -106,6 +108,7 @@ fn row<const PERSPECTIVE: bool, const GLOSS: bool>(
     let (guides, settings) = (filter.guides, &filter.settings.glossy_bilateral);
     let (width, height) = (phases.size.width, phases.size.height);
     let kernel = KernelSize::new(settings, height);
+    let gentle = settings.sigma >= GENTLE_SIGMA;
     let view = &guides.now.view;
     let (own, colours) = (input.row(width, y), input.elements());
     let mut centres = Centres::new();
@@ -149,7 +152,11 @@ fn row<const PERSPECTIVE: bool, const GLOSS: bool>(
                 }
                 for tap in 1..=reach {
                     let offset = (tap * kernel.step_px) as i32;
-                    gaussian(offset as f32, exponent, radius, &mut falloff[..n]);
+                    if gentle {
+                        gaussian::<true>(offset as f32, exponent, radius, &mut falloff[..n]);
+                    } else {
+                        gaussian::<false>(offset as f32, exponent, radius, &mut falloff[..n]);
+                    }
                     for (side, ceiling) in [-1i32, 1].into_iter().zip(ceilings.iter_mut()) {
                         let offset = match filter.axis {
                             Axis::Horizontal => (side * offset, 0),
@@ -177,6 +184,7 @@ fn row<const PERSPECTIVE: bool, const GLOSS: bool>(
                         }
                     }
                 }
+                invert(&mut total[..n]);
                 for k in 0..together {
                     for c in 0..3 {
                         let centre = &channel(own, width, plane + k, c)[begin + first..][..n];

@@ -7,7 +7,7 @@ use crate::kernels::edge_cpu::{Centres, Gains, GuideRun, RUN, Run, Tap, run_leng
 use crate::kernels::math::three;
 use crate::kernels::spiral::{PERIOD, Spiral, SpiralShape, land};
 use crate::settings::OffScreen;
-use crate::stages::matte_prefilter::cpu::{MOST_TAPS, Weights, admit, finish, gather};
+use crate::stages::matte_prefilter::cpu::{MOST_TAPS, Weights, admit, finish, gather, invert};
 use fearless_simd::{Level, dispatch};
 use std::ops::Range;
 
@@ -240,6 +240,7 @@ fn filter_run<const PERSPECTIVE: bool, const GLOSS: bool>(
             admit(tap.weight, of_tap, total, colour(&piece, 0), lanes_of(sums, lanes));
         }
     }
+    invert(&mut computed.total[..n]);
     for plane in 0..input.planes {
         if plane > 0 {
             start(plane, sums);

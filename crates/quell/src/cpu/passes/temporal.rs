@@ -1,8 +1,10 @@
-//! The schedule of stages 3 and 8: row by row, block by block, phase by phase; what a run needs of the previous image
-//! is collected, then computed on together.
+//! The schedule of stages 3 and 8: band by band, block by block, row by row, phase by phase; what a run needs of the
+//! previous image is collected, then computed on together.
+//!
+//! Both stages ask where the surface was. Stage 3 tells stage 8 what came of it.
 
 use crate::cpu::guides::{CpuGuides, field};
-use crate::cpu::layout::{Colours, Phases, copy};
+use crate::cpu::layout::{Colours, Phases, copy, interleave};
 use crate::cpu::rows;
 use crate::frame::Signal;
 use crate::kernels::clip_cpu::{Columns, Moments};
@@ -11,7 +13,7 @@ use crate::kernels::spiral::PERIOD;
 use crate::kernels::temporal::Blend;
 use crate::plane::Plane;
 use crate::settings::{Clip, Settings};
-use crate::stages::glossy_temporal::cpu::reflect;
+use crate::stages::glossy_temporal::cpu::{reflect, visible};
 use crate::stages::matte_temporal::cpu::{
     Shares, blend_beauty, blend_lanes, blend_unclamped, clamp, fetch, fetch_scalar, load,
 };
@@ -24,19 +26,35 @@ pub(crate) struct Filter<'a> {
     pub guides: &'a CpuGuides,
     pub settings: &'a Settings,
     pub signal: Signal,
+    /// What stage 3 told of the surfaces of this frame ([`visible`]), phase order.
+    pub seen: Option<&'a [f32]>,
 }
 
 /// What a temporal stage remembers of the frame before.
 #[derive(Clone, Copy)]
 pub(crate) struct Remembered<'a> {
     pub colours: &'a Colours,
-    pub length: &'a Plane<f32>,
+    /// History length, phase order.
+    pub length: &'a [f32],
 }
 
 /// What it writes besides colours.
 pub(crate) struct Memory<'a> {
     pub confidence: &'a mut Plane<f32>,
+    /// For the caller.
     pub length: &'a mut Plane<f32>,
+    /// The same in phase order, for the next frame.
+    pub kept: &'a mut [f32],
+    /// What stage 8 will want to know of the surfaces, where it will.
+    pub seen: Option<&'a mut [f32]>,
+}
+
+/// Rows whose windows overlap are done together where boxes need no more of them.
+const BAND: usize = 8;
+
+/// Whether stage 8 asks for more than where the surface was.
+pub(crate) fn mirrors(settings: &Settings, guides: &CpuGuides) -> bool {
+    settings.glossy_temporal.virtual_reprojection && guides.has_glossy_hit()
 }
 
 /// Without history: confidence and length; the colours are the current ones.
@@ -44,6 +62,7 @@ pub(crate) fn begin(guides: &CpuGuides, memory: Memory<'_>) {
     let phases = guides.phases;
     let width = phases.size.width;
     memory.length.data_mut().fill(1.0);
+    memory.kept.fill(1.0);
     rows::each(memory.confidence.data_mut(), width, |y, row| {
         let depth = field(&guides.now.depth, width, 1, y, 0);
         for (x, confidence) in row.iter_mut().enumerate() {
@@ -66,31 +85,43 @@ pub(crate) fn run(
         Signal::Matte => Blend::matte(&filter.settings.matte_temporal, frames),
         Signal::Glossy => Blend::glossy(&filter.settings.glossy_temporal, frames),
     };
-    let strides = [output.stride(width), width, width];
-    let targets = (output.elements_mut(), memory.confidence.data_mut(), memory.length.data_mut());
-    rows::zip3(targets, strides, |y, out, confidence, length| {
-        dispatch!(filter.level, _simd => {
-            row(filter, &phases, &weights, current, history, y, (&mut *out, &mut *confidence, &mut *length));
-        });
+    let height = match weights.clip {
+        Clip::Sigma => Moments::band(weights.clip_radius as usize),
+        Clip::Off | Clip::Box => BAND,
+    };
+    let strides = [output.stride(width), width, width, width].map(|row| height * row);
+    let targets = [output.elements_mut(), memory.confidence.data_mut(), memory.length.data_mut(), memory.kept];
+    rows::bands(targets, strides, memory.seen, |k, [colours, confidence, length, kept], seen| {
+        let mut out = Out { colours, confidence, length, kept, seen };
+        dispatch!(filter.level, _simd => band(filter, &phases, &weights, current, history, k * height, &mut out));
     });
 }
 
+/// Rows that a band writes.
+struct Out<'a> {
+    colours: &'a mut [f32],
+    confidence: &'a mut [f32],
+    length: &'a mut [f32],
+    kept: &'a mut [f32],
+    seen: Option<&'a mut [f32]>,
+}
+
 #[inline(always)]
-fn row(
+fn band(
     filter: &Filter<'_>,
     phases: &Phases,
     weights: &Blend,
     current: &Colours,
     history: Remembered<'_>,
-    y: usize,
-    (out, confidence, length): (&mut [f32], &mut [f32], &mut [f32]),
+    first_row: usize,
+    out: &mut Out<'_>,
 ) {
     let (guides, settings) = (filter.guides, filter.settings);
     let width = phases.size.width;
-    let now = current.row(width, y);
-    let mirrors =
-        filter.signal == Signal::Glossy && settings.glossy_temporal.virtual_reprojection && guides.has_glossy_hit();
+    let stride = current.stride(width);
+    let mirrors = filter.signal == Signal::Glossy && mirrors(settings, guides);
     let radius = weights.clip_radius as usize;
+    let height = out.kept.len() / width;
     let mut expected = Expected::new();
     let mut footprint = Footprint::new();
     let mut lookup = Lookup::new();
@@ -98,73 +129,101 @@ fn row(
     let mut moments = Moments::new();
     let mut shares = Shares::new();
     let mut old_length = [0.0; LANES];
+    let mut surfaces = [0.0; LANES];
     let (mut low, mut high) = ([[0.0; LANES]; 3], [[0.0; LANES]; 3]);
     let (mut beauty_now, mut beauty_then, mut beauty_clamped) =
         ([[0.0; LANES]; 3], [[0.0; LANES]; 3], [[0.0; LANES]; 3]);
     let (mut value, mut then, mut result) = ([[0.0; LANES]; 3], [[0.0; LANES]; 3], [[0.0; LANES]; 3]);
+    let (mut confidence, mut length) = ([[0.0; LANES]; PERIOD], [[0.0; LANES]; PERIOD]);
     for first in (0..phases.longest()).step_by(LANES) {
-        if weights.clip == Clip::Box {
-            columns.fill(phases, current, Some(&guides.now.depth), (y, first), radius);
-        }
         if weights.clip == Clip::Sigma {
-            moments.fill(phases, current, &guides.now.depth, (y, first), radius);
+            moments.fill(phases, current, &guides.now.depth, (first_row, height, first), radius);
         }
-        for phase in 0..PERIOD {
-            let count = phases.count(phase);
-            if first >= count {
-                continue;
+        for k in 0..height {
+            let y = first_row + k;
+            let now = current.row(width, y);
+            if weights.clip == Clip::Box {
+                columns.fill(phases, current, Some(&guides.now.depth), (y, first), radius);
             }
-            let n = LANES.min(count - first);
-            let begin = phases.range(phase).start + first;
-            let x = PERIOD * first + phase;
-            expected.find(guides, &settings.surface, (y, begin, n), (x, PERIOD));
-            footprint.collect(guides, &expected.coordinate, &expected.alive, false);
-            footprint.look_up(guides, settings, &expected, false, &mut lookup);
-            if mirrors {
-                reflect(guides, settings, &mut expected, (phase, first), &mut footprint, &mut lookup);
-            }
-            if !guides.confidence_in.is_empty() {
-                let trust = &guides.confidence_in[y * width + begin..][..n];
-                for i in 0..n {
-                    lookup.trust[i] *= trust[i];
+            for phase in 0..PERIOD {
+                let count = phases.count(phase);
+                if first >= count {
+                    continue;
                 }
-            }
-            fetch_scalar(history.length, (&footprint, &lookup), &mut old_length);
-            shares.weigh(weights, &lookup.trust, &old_length, &expected.depth);
-            for i in 0..n {
-                confidence[x + PERIOD * i] = shares.confidence[i];
-                length[x + PERIOD * i] = shares.length[i];
-            }
+                let n = LANES.min(count - first);
+                let begin = phases.range(phase).start + first;
+                let x = PERIOD * first + phase;
+                let told = filter.seen.map(|seen| &seen[y * width + begin..][..n]).filter(|_| mirrors);
+                match told.filter(|told| told.iter().fold(true, |all, trust| all & (*trust >= 0.0))) {
+                    Some(told) => {
+                        surfaces = [0.0; LANES];
+                        copy::<LANES, _>(&mut surfaces[..n], told);
+                        expected.rest(guides, (y, begin, n), (x, PERIOD));
+                        let rest = (&expected, &surfaces);
+                        reflect::<false>(guides, settings, rest, (phase, first), &mut footprint, &mut lookup);
+                    }
+                    None => {
+                        expected.find(guides, &settings.surface, (y, begin, n), (x, PERIOD));
+                        footprint.collect(guides, &expected.coordinate, &expected.alive, false);
+                        footprint.look_up(guides, settings, &expected, false, &mut lookup);
+                        if mirrors || out.seen.is_some() {
+                            visible(guides, (&footprint, &lookup), &mut expected, &mut surfaces);
+                        }
+                        if let Some(seen) = &mut out.seen {
+                            copy::<LANES, _>(&mut seen[k * width + begin..][..n], &surfaces[..n]);
+                        }
+                        if mirrors {
+                            let moved = (&expected, &surfaces);
+                            reflect::<true>(guides, settings, moved, (phase, first), &mut footprint, &mut lookup);
+                        }
+                    }
+                }
+                if !guides.confidence_in.is_empty() {
+                    let trust = &guides.confidence_in[y * width + begin..][..n];
+                    for i in 0..n {
+                        lookup.trust[i] *= trust[i];
+                    }
+                }
+                fetch_scalar(history.length, width, (&footprint, &lookup), &mut old_length);
+                shares.weigh(weights, &lookup.trust, &old_length, &expected.depth);
+                confidence[phase] = shares.confidence;
+                length[phase] = shares.length;
+                copy::<LANES, _>(&mut out.kept[k * width + begin..][..n], &shares.length[..n]);
 
-            load(now, width, 0, begin, n, &mut beauty_now);
-            fetch(history.colours, width, 0, (&footprint, &lookup), &mut beauty_then);
-            match weights.clip {
-                Clip::Off => {}
-                Clip::Box => columns.boxes(phase, radius, &mut low, &mut high),
-                Clip::Sigma => moments.boxes(phase, radius, weights.clip_gamma, &mut low, &mut high),
-            }
-            if weights.clip != Clip::Off {
-                clamp(&beauty_then, &beauty_now, &low, &high, &mut beauty_clamped);
-            }
-            for plane in 0..current.planes {
-                load(now, width, plane, begin, n, &mut value);
-                if plane == 0 {
-                    then = beauty_then;
-                } else {
-                    fetch(history.colours, width, plane, (&footprint, &lookup), &mut then);
+                load(now, width, 0, begin, n, &mut beauty_now);
+                fetch(history.colours, width, 0, (&footprint, &lookup), &mut beauty_then);
+                match weights.clip {
+                    Clip::Off => {}
+                    Clip::Box => columns.boxes(phase, radius, &mut low, &mut high),
+                    Clip::Sigma => moments.boxes((k, phase), radius, weights.clip_gamma, &mut low, &mut high),
                 }
-                if weights.clip == Clip::Off {
-                    blend_unclamped(&value, &then, &shares.history, &mut result);
-                } else if plane == 0 {
-                    blend_beauty(&value, &then, &beauty_clamped, &shares.history, &mut result);
-                } else {
-                    let beauty = (&beauty_then, &beauty_clamped, &beauty_now);
-                    blend_lanes(&value, &then, &shares.history, beauty, &mut result);
+                if weights.clip != Clip::Off {
+                    clamp(&beauty_then, &beauty_now, &low, &high, &mut beauty_clamped);
                 }
-                for c in 0..3 {
-                    copy::<LANES, _>(&mut out[(plane * 3 + c) * width + begin..][..n], &result[c][..n]);
+                for plane in 0..current.planes {
+                    load(now, width, plane, begin, n, &mut value);
+                    if plane == 0 {
+                        then = beauty_then;
+                    } else {
+                        fetch(history.colours, width, plane, (&footprint, &lookup), &mut then);
+                    }
+                    if weights.clip == Clip::Off {
+                        blend_unclamped(&value, &then, &shares.history, &mut result);
+                    } else if plane == 0 {
+                        blend_beauty(&value, &then, &beauty_clamped, &shares.history, &mut result);
+                    } else {
+                        let beauty = (&beauty_then, &beauty_clamped, &beauty_now);
+                        blend_lanes(&value, &then, &shares.history, beauty, &mut result);
+                    }
+                    for c in 0..3 {
+                        let at = k * stride + (plane * 3 + c) * width + begin;
+                        copy::<LANES, _>(&mut out.colours[at..][..n], &result[c][..n]);
+                    }
                 }
             }
+            let columns = k * width + PERIOD * first..k * width + width.min(PERIOD * (first + LANES));
+            interleave(&confidence, &mut out.confidence[columns.clone()]);
+            interleave(&length, &mut out.length[columns]);
         }
     }
 }

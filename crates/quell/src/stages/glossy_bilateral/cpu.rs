@@ -75,15 +75,30 @@ pub(crate) fn exponents(sigma: f32, radius: &[f32], out: &mut [f32]) {
     }
 }
 
-/// The Gaussian of a tap `offset` pixels away; 0 beyond the radius.
+/// Shares of the radius from which on [`gaussian`] falls by no more than e^2 within it.
+pub(crate) const GENTLE_SIGMA: f32 = 0.5;
+
+/// The Gaussian of a tap `offset` pixels away; 0 beyond the radius. `GENTLE`: sigma is at least [`GENTLE_SIGMA`].
 #[inline(always)]
-pub(crate) fn gaussian(offset: f32, exponent: &[f32], radius: &[f32], out: &mut [f32]) {
+pub(crate) fn gaussian<const GENTLE: bool>(offset: f32, exponent: &[f32], radius: &[f32], out: &mut [f32]) {
     let n = out.len();
     let (exponent, radius) = (&exponent[..n], &radius[..n]);
     for i in 0..n {
-        let g = exp_negative(offset * offset * exponent[i]);
+        let x = offset * offset * exponent[i];
+        let g = if GENTLE { exp_gentle(x) } else { exp_negative(x) };
         out[i] = if offset > radius[i] { 0.0 } else { g };
     }
+}
+
+/// e^x for -2 <= x <= 0, relative error under 3e-6: e^-1 times the fourth power of e^((x + 1) / 4) by Taylor's series.
+/// Half the work of [`exp_negative`]; elsewhere of no meaning.
+#[inline(always)]
+fn exp_gentle(x: f32) -> f32 {
+    const INVERSE_E: f32 = 0.367_879_44;
+    let t = 0.25 * x + 0.25;
+    let p = 1.0 + t * (1.0 + t * (0.5 + t * (1.0 / 6.0 + t * (1.0 / 24.0 + t * (1.0 / 120.0)))));
+    let squared = p * p;
+    INVERSE_E * squared * squared
 }
 
 /// From edge weights to weights, and their sum. `ceiling`: the least edge weight so far on the way outwards, where
@@ -107,13 +122,27 @@ pub(crate) fn admit(gaussian: &[f32], ceiling: Option<&mut [f32]>, weights: &mut
     }
 }
 
-/// The filtered channel; pixels without a kernel pass through to the bit.
+/// The filtered channel; pixels without a kernel pass through to the bit. `share`: of one unit of weight.
 #[inline(always)]
-pub(crate) fn finish(sums: &[f32], total: &[f32], radius: &[f32], centre: &[f32], out: &mut [f32]) {
+pub(crate) fn finish(sums: &[f32], share: &[f32], radius: &[f32], centre: &[f32], out: &mut [f32]) {
     let n = out.len();
-    let (sums, total, radius, centre) = (&sums[..n], &total[..n], &radius[..n], &centre[..n]);
+    let (sums, share, radius, centre) = (&sums[..n], &share[..n], &radius[..n], &centre[..n]);
     for i in 0..n {
-        let mean = sums[i] / total[i];
+        let mean = sums[i] * share[i];
         out[i] = if radius[i] > 0.0 { mean } else { centre[i] };
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_gentle_exponential_is_as_good_as_it_says() {
+        for i in 0..=2000 {
+            let x = -1e-3 * i as f32;
+            let exact = f64::from(x).exp();
+            assert!((f64::from(exp_gentle(x)) / exact - 1.0).abs() < 3e-6, "{x}");
+        }
     }
 }

@@ -2,33 +2,50 @@
 
 use crate::cpu::guides::CpuGuides;
 use crate::kernels::reproject_cpu::{
-    Expected, Footprint, LANES, Lookup, filtered_hits, previous_reflectors, virtual_coordinates,
+    Expected, Footprint, LANES, Lanes, Lookup, filtered_hits, previous_reflectors, virtual_coordinates,
 };
 use crate::settings::Settings;
 
-/// From the lookup at the surface's place to that at the mirror image's.
+/// Trust in the lookup at the surface's place, negative where the reflector moved; `expected` becomes the reflector of
+/// then.
 #[inline(always)]
-pub(crate) fn reflect(
+pub(crate) fn visible(
+    guides: &CpuGuides,
+    (footprint, lookup): (&Footprint, &Lookup),
+    expected: &mut Expected,
+    out: &mut Lanes,
+) {
+    let mut alive = [0; LANES];
+    for i in 0..LANES {
+        alive[i] = u32::from(lookup.trust[i] > 0.0);
+    }
+    previous_reflectors(guides, footprint, lookup, &alive, expected);
+    for i in 0..LANES {
+        out[i] = if expected.moved[i] != 0 { -lookup.trust[i] } else { lookup.trust[i] };
+    }
+}
+
+/// The lookup at the mirror image's place. `visible`: as the function of that name tells; `MOVED`: some are negative.
+#[inline(always)]
+pub(crate) fn reflect<const MOVED: bool>(
     guides: &CpuGuides,
     settings: &Settings,
-    expected: &mut Expected,
+    (expected, visible): (&Expected, &Lanes),
     run: (usize, usize),
     footprint: &mut Footprint,
     lookup: &mut Lookup,
 ) {
-    let visible = lookup.trust;
     let mut alive = [0; LANES];
     for i in 0..LANES {
-        alive[i] = u32::from(visible[i] > 0.0);
+        alive[i] = u32::from(visible[i].abs() > 0.0);
     }
-    previous_reflectors(guides, footprint, lookup, &alive, expected);
     let mut hit = [0.0; LANES];
     filtered_hits(guides, settings.glossy_temporal.hit_filter, expected, run, &mut hit);
     let mut coordinate = [[0.0; LANES]; 2];
-    virtual_coordinates(guides, settings, expected, &hit, &mut coordinate, &mut alive);
+    virtual_coordinates::<MOVED>(guides, settings, expected, &hit, &mut coordinate, &mut alive);
     footprint.collect(guides, &coordinate, &alive, true);
     footprint.look_up(guides, settings, expected, true, lookup);
     for i in 0..LANES {
-        lookup.trust[i] *= visible[i];
+        lookup.trust[i] *= visible[i].abs();
     }
 }

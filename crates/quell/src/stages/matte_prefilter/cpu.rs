@@ -55,13 +55,21 @@ pub(crate) fn gather(weights: &[f32], [q0, q1, q2]: [&[f32]; 3], [s0, s1, s2]: [
     }
 }
 
-/// The filtered channel; background passes through.
+/// From the sum of the weights to its reciprocal: one division for all channels of all planes.
 #[inline(always)]
-pub(crate) fn finish(sums: &[f32], total: &[f32], depth: &[f32], centre: &[f32], out: &mut [f32]) {
+pub(crate) fn invert(total: &mut [f32]) {
+    for total in total {
+        *total = 1.0 / *total;
+    }
+}
+
+/// The filtered channel; background passes through. `share`: of one unit of weight, from [`invert`].
+#[inline(always)]
+pub(crate) fn finish(sums: &[f32], share: &[f32], depth: &[f32], centre: &[f32], out: &mut [f32]) {
     let n = out.len();
-    let (sums, total, depth, centre) = (&sums[..n], &total[..n], &depth[..n], &centre[..n]);
+    let (sums, share, depth, centre) = (&sums[..n], &share[..n], &depth[..n], &centre[..n]);
     for i in 0..n {
-        let mean = sums[i] / total[i];
+        let mean = sums[i] * share[i];
         out[i] = if depth[i] < f32::INFINITY { mean } else { centre[i] };
     }
 }

@@ -3,9 +3,7 @@
 use crate::cpu::layout::{Colours, channel, copy};
 use crate::kernels::clip::{ColourBox, follow_itself};
 use crate::kernels::reproject_cpu::{Footprint, LANES, Lanes, Lanes3, Lookup};
-use crate::kernels::spiral::PERIOD;
 use crate::kernels::temporal::{Blend, blend, clamp_history};
-use crate::plane::Plane;
 
 /// How much history counts in each lane, and what is remembered of it.
 #[derive(Debug)]
@@ -36,24 +34,21 @@ impl Shares {
     }
 }
 
-/// Weighted mean of up to four previous pixels of a scalar in the host's order.
+/// Weighted mean of up to four previous pixels of a scalar.
 #[inline(always)]
-pub(crate) fn fetch_scalar(plane: &Plane<f32>, (footprint, lookup): (&Footprint, &Lookup), out: &mut Lanes) {
-    let width = plane.size().width;
-    let data = plane.data();
+pub(crate) fn fetch_scalar(data: &[f32], width: usize, (footprint, lookup): (&Footprint, &Lookup), out: &mut Lanes) {
     *out = [0.0; LANES];
     for k in 0..4 {
         let (place, weight) = (&footprint.place[k], &lookup.weight[k]);
         for &(first, n) in &footprint.segments.runs[..footprint.segments.count] {
-            let at = place.row[first] as usize * width + place.column[first] as usize;
-            let source = data[at..].iter().step_by(PERIOD);
+            let source = &data[place.row[first] as usize * width + place.element[first] as usize..][..n];
             for ((out, weight), value) in out[first..][..n].iter_mut().zip(&weight[first..][..n]).zip(source) {
                 *out += if *weight > 0.0 { weight * value } else { 0.0 };
             }
         }
         for i in 0..LANES {
             if footprint.segments.single[i] != 0 && weight[i] > 0.0 {
-                out[i] += weight[i] * data[place.row[i] as usize * width + place.column[i] as usize];
+                out[i] += weight[i] * data[place.row[i] as usize * width + place.element[i] as usize];
             }
         }
     }

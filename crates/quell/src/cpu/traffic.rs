@@ -1,0 +1,75 @@
+//! Bytes that the fast back end reads and writes a pixel, stage by stage: what the schedules in `passes/` move, each
+//! plane once for every pass over it. The floor of a stage's time on a machine whose memory is the limit.
+
+use crate::pipeline::{Image, Plan, Stage};
+use crate::settings::{Feedback, Settings};
+
+const SCALAR: u32 = 4;
+const COLOUR: u32 = 3 * SCALAR;
+/// Depth, normal, identity.
+const SURFACE: u32 = 5 * SCALAR;
+const ROUGHNESS: u32 = SCALAR;
+const MOTION: u32 = 2 * SCALAR;
+/// Confidence and length for the caller, length for the next frame.
+const TEMPORAL: u32 = 3 * SCALAR;
+/// A finished image from phase order into the host's: read and written.
+const SHOWN: u32 = 2 * COLOUR;
+
+/// Of a frame with all planes and no passes, in the steady state; `None`: the stage does not run.
+pub fn bytes_per_pixel(plan: &Plan, settings: &Settings, stage: Stage) -> Option<u32> {
+    let step = plan.steps.iter().find(|s| s.stage == stage)?;
+    let shown =
+        if [plan.matte_output, plan.glossy_output, plan.direct_output].contains(&step.output) { SHOWN } else { 0 };
+    let shares = plan.runs(Stage::MatteTemporal)
+        && plan.runs(Stage::GlossyTemporal)
+        && settings.glossy_temporal.virtual_reprojection;
+    let seen = if shares { SCALAR } else { 0 };
+    // Current and historic colours and the result; the old length.
+    let blended = 3 * COLOUR + SCALAR + TEMPORAL;
+    let filtered = 2 * COLOUR + SURFACE + ROUGHNESS;
+    let moved = match stage {
+        Stage::MatteTemporal => blended + 2 * SURFACE + ROUGHNESS + MOTION + seen,
+        // Its own guides, the hit distance, the previous guides; motion only where nobody told it of the surfaces.
+        Stage::GlossyTemporal => blended + 2 * (SURFACE + ROUGHNESS) + SCALAR + if shares { seen } else { MOTION },
+        Stage::MattePrefilter | Stage::MatteBilateral => filtered,
+        // Maximum and blur along rows and down columns: four passes over scalars; then the blends.
+        Stage::Disocclusion => {
+            let floored = if settings.pipeline.feedback == Feedback::Blend { COLOUR } else { 0 };
+            8 * SCALAR + 3 * COLOUR + SCALAR + floored
+        }
+        Stage::Firefly => 2 * COLOUR + SCALAR,
+        // With the radius: nearness from depth and hit distance, then the mean with depth, identity and roughness.
+        Stage::GlossyHorizontal => filtered + SCALAR + 8 * SCALAR,
+        Stage::GlossyVertical => filtered + SCALAR,
+        Stage::DirectTaa => 3 * COLOUR + SCALAR + MOTION,
+        Stage::Composite => {
+            // Signals, their weights, direct light, the sum; untouched direct light is copied on the way.
+            let copied = if plan.direct_output == Image::DirectInput { 2 * COLOUR } else { 0 };
+            6 * COLOUR + copied
+        }
+    };
+    Some(moved + shown)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::pipeline::Inputs;
+
+    #[test]
+    fn bytes_are_those_of_the_plan() {
+        let mut settings = Settings::default();
+        let plan = Plan::new(&settings, Inputs::ALL);
+        let of = |plan: &Plan, settings: &Settings, stage| bytes_per_pixel(plan, settings, stage);
+        // Signal in and out, depth, normal, identity, roughness.
+        assert_eq!(of(&plan, &settings, Stage::MattePrefilter), Some(48));
+        assert_eq!(of(&plan, &settings, Stage::MatteBilateral), Some(48 + 24));
+        assert!(Stage::ALL.into_iter().all(|s| of(&plan, &settings, s).is_some()));
+        // Without stage 3 nobody tells stage 8: it reads motion, 8 bytes, not what was told, 4.
+        let shared = of(&plan, &settings, Stage::GlossyTemporal).unwrap();
+        settings.matte_temporal.enabled = false;
+        let alone = Plan::new(&settings, Inputs::ALL);
+        assert_eq!(of(&alone, &settings, Stage::GlossyTemporal), Some(shared + 4));
+        assert_eq!(of(&alone, &settings, Stage::MatteTemporal), None);
+    }
+}
