@@ -4,7 +4,7 @@
 //! Light is filtered without albedo (section 4); matte and glossy separately, with their own colour weights.
 
 use super::surface::{BACKGROUND, DEPTH, Guides, NORMAL, Rows, signals};
-use super::wavelet::{BLOCK, CENTRE, exp_neg, taps};
+use super::wavelet::{BLOCK, CENTRE, Lanes, exp_neg, load, taps};
 use super::{Input, Method, composite};
 use crate::error::Error;
 use crate::tone::luminance;
@@ -15,9 +15,9 @@ use quell::{Frame, Plane, Rgb};
 const LEVELS: usize = 5;
 /// sigma_rt of the first level, in units of the signal's mean luminance over the frame's surfaces; halves every level.
 /// The paper leaves the three sigmas to the scene.
-const SIGMA_COLOUR: f32 = 4.0;
+const SIGMA_COLOUR: f32 = 200.0;
 /// sigma_n.
-const SIGMA_NORMAL: f32 = 0.35;
+const SIGMA_NORMAL: f32 = 0.1;
 /// sigma_x, as a part of the view depth.
 const SIGMA_POSITION: f32 = 0.1;
 /// Where the background lies: so far off that its weight is 0.
@@ -71,8 +71,7 @@ impl Method for Atrous {
             next.fill(|y, row| {
                 for x in (0..width).step_by(BLOCK) {
                     let len = BLOCK.min(width - x);
-                    let sums =
-                        dispatch!(simd, _simd => block(1 << level, inverse, guides, position, light, (x, y), len));
+                    let sums = dispatch!(simd, _simd => block(1 << level, inverse, guides, position, light, (x, y)));
                     for (c, sums) in sums.iter().flatten().enumerate() {
                         row[c * width + x..][..len].copy_from_slice(&sums[..len]);
                     }
@@ -119,10 +118,8 @@ fn mean_luminances(light: &Rows, guides: &Guides) -> [f32; 2] {
     sums.map(|sum| (sum / count.max(1) as f64) as f32)
 }
 
-type Lanes = [f32; BLOCK];
-
-/// Equations 5 to 8 for `len` pixels from (x, y) on: w = w_rt w_n w_x, each min(1, exp(-|difference|^2 / sigma^2));
-/// the distance of normals is divided by step^2.
+/// Equations 5 to 8 for the block from (x, y) on: w = w_rt w_n w_x, each min(1, exp(-|difference|^2 / sigma^2)); the
+/// distance of normals is divided by step^2.
 #[inline(always)]
 fn block(
     step: usize,
@@ -131,66 +128,51 @@ fn block(
     position: &Rows,
     light: &Rows,
     (x, y): (usize, usize),
-    len: usize,
 ) -> [[Lanes; 3]; 2] {
-    let own_normal = [0, 1, 2].map(|c| &guides.surface.row(y, NORMAL + c)[x..][..len]);
-    let own_position = [0, 1, 2].map(|c| &position.row(y, c)[x..][..len]);
-    let own_light = [[0, 1, 2], [3, 4, 5]].map(|signal| signal.map(|c| &light.row(y, c)[x..][..len]));
+    let own = |rows: &Rows, c| load(rows.row(y, c), x as isize, 0.0);
+    let [nx, ny, nz] = [0, 1, 2].map(|c| own(&guides.surface, NORMAL + c));
+    let [px, py, pz] = [0, 1, 2].map(|c| own(position, c));
+    let own_light = [[0, 1, 2], [3, 4, 5]].map(|signal| signal.map(|c| own(light, c)));
     let inverse_normal = 1.0 / (SIGMA_NORMAL * SIGMA_NORMAL * (step * step) as f32);
-    let mut inverse_position = [0.0; BLOCK];
-    for (inverse, z) in inverse_position.iter_mut().zip(&guides.surface.row(y, DEPTH)[x..][..len]) {
-        *inverse = if *z < BACKGROUND { 1.0 / (SIGMA_POSITION * z).powi(2) } else { 1.0 };
+    let mut inverse_position = own(&guides.surface, DEPTH);
+    for z in &mut inverse_position {
+        let sigma = SIGMA_POSITION * *z;
+        *z = if *z < BACKGROUND { 1.0 / (sigma * sigma) } else { 1.0 };
     }
-    let mut sums = [[[0.0; BLOCK]; 3]; 2];
-    for signal in 0..2 {
-        for c in 0..3 {
-            for i in 0..len {
-                sums[signal][c][i] = CENTRE * own_light[signal][c][i];
+    let mut sums = own_light;
+    sums.iter_mut().flatten().flatten().for_each(|s| *s *= CENTRE);
+    let mut weights = [[CENTRE; BLOCK]; 2];
+    let squared = |a: f32, b: f32, c: f32| a * a + b * b + c * c;
+    #[rustfmt::skip]
+    taps(light.size(), step, (x, y), #[inline(always)] |tap| {
+        let load = |rows: &Rows, c, outside| load(rows.row(tap.y, c), tap.x, outside);
+        let [qnx, qny, qnz] = [0, 1, 2].map(|c| load(&guides.surface, NORMAL + c, 0.0));
+        // Outside the image is far away: weight 0.
+        let [qx, qy, qz] = [0, 1, 2].map(|c| load(position, c, -FAR));
+        let mut surface = [0.0; BLOCK];
+        for i in 0..BLOCK {
+            surface[i] = squared(nx[i] - qnx[i], ny[i] - qny[i], nz[i] - qnz[i]) * inverse_normal
+                + squared(px[i] - qx[i], py[i] - qy[i], pz[i] - qz[i]) * inverse_position[i];
+        }
+        for signal in 0..2 {
+            let [pr, pg, pb] = &own_light[signal];
+            let [r, g, b] = [0, 1, 2].map(|c| load(light, 3 * signal + c, 0.0));
+            let (weights, inverse) = (&mut weights[signal], inverse_colour[signal]);
+            let [sr, sg, sb] = &mut sums[signal];
+            for i in 0..BLOCK {
+                let colour = squared(pr[i] - r[i], pg[i] - g[i], pb[i] - b[i]) * inverse;
+                let w = tap.weight * exp_neg(surface[i] + colour);
+                weights[i] += w;
+                sr[i] += w * r[i];
+                sg[i] += w * g[i];
+                sb[i] += w * b[i];
             }
         }
-    }
-    let mut weights = [[CENTRE; BLOCK]; 2];
-    taps(
-        light.size(),
-        step,
-        (x, y),
-        len,
-        #[inline(always)]
-        |tap| {
-            let n = tap.len;
-            let [nx, ny, nz] = own_normal.map(|p| &p[tap.first..][..n]);
-            let [px, py, pz] = own_position.map(|p| &p[tap.first..][..n]);
-            let inverse_position = &inverse_position[tap.first..][..n];
-            let [qnx, qny, qnz] = [0, 1, 2].map(|c| &guides.surface.row(tap.y, NORMAL + c)[tap.x..][..n]);
-            let [qx, qy, qz] = [0, 1, 2].map(|c| &position.row(tap.y, c)[tap.x..][..n]);
-            let mut surface = [0.0; BLOCK];
-            let surface = &mut surface[..n];
-            let squared = |a: f32, b: f32, c: f32| a * a + b * b + c * c;
-            for i in 0..n {
-                surface[i] = squared(nx[i] - qnx[i], ny[i] - qny[i], nz[i] - qnz[i]) * inverse_normal
-                    + squared(px[i] - qx[i], py[i] - qy[i], pz[i] - qz[i]) * inverse_position[i];
-            }
-            for signal in 0..2 {
-                let [pr, pg, pb] = own_light[signal].map(|p| &p[tap.first..][..n]);
-                let [r, g, b] = [0, 1, 2].map(|c| &light.row(tap.y, 3 * signal + c)[tap.x..][..n]);
-                let weights = &mut weights[signal][tap.first..][..n];
-                let [sr, sg, sb] = sums[signal].each_mut().map(|s| &mut s[tap.first..][..n]);
-                for i in 0..n {
-                    let colour = squared(pr[i] - r[i], pg[i] - g[i], pb[i] - b[i]) * inverse_colour[signal];
-                    let w = tap.weight * exp_neg(surface[i] + colour);
-                    weights[i] += w;
-                    sr[i] += w * r[i];
-                    sg[i] += w * g[i];
-                    sb[i] += w * b[i];
-                }
-            }
-        },
-    );
+    });
     for signal in 0..2 {
-        for i in 0..len {
-            let norm = 1.0 / weights[signal][i];
-            for c in 0..3 {
-                sums[signal][c][i] *= norm;
+        for sums in &mut sums[signal] {
+            for i in 0..BLOCK {
+                sums[i] /= weights[signal][i];
             }
         }
     }

@@ -7,7 +7,7 @@
 //! Departures: `docs/baselines.md`.
 
 use super::surface::{DEPTH, GRADIENT, Guides, NORMAL, Reprojection, Rows, Taps, signals};
-use super::wavelet::{BLOCK, CENTRE, exp_neg, taps};
+use super::wavelet::{BLOCK, CENTRE, Lanes, exp_neg, load, taps};
 use super::{Input, Method, composite};
 use crate::error::Error;
 use crate::tone::luminance;
@@ -251,7 +251,7 @@ fn wavelet_level(simd: Level, constants: &Constants, step: usize, guides: &Guide
     out.fill(|y, row| {
         for x in (0..width).step_by(BLOCK) {
             let len = BLOCK.min(width - x);
-            let sums = dispatch!(simd, _simd => block(constants, step, guides, light, (x, y), len));
+            let sums = dispatch!(simd, _simd => block(constants, step, guides, light, (x, y)));
             for (c, sums) in sums.iter().flatten().enumerate() {
                 row[c * width + x..][..len].copy_from_slice(&sums[..len]);
             }
@@ -259,83 +259,60 @@ fn wavelet_level(simd: Level, constants: &Constants, step: usize, guides: &Guide
     });
 }
 
-type Lanes = [f32; BLOCK];
-
-/// `len` pixels from (x, y) on: the eight channels of light.
+/// The block from (x, y) on: four channels of light for each signal.
 #[inline(always)]
-fn block(
-    constants: &Constants,
-    step: usize,
-    guides: &Guides,
-    light: &Rows,
-    (x, y): (usize, usize),
-    len: usize,
-) -> [[Lanes; 4]; 2] {
-    let size = light.size();
+fn block(constants: &Constants, step: usize, guides: &Guides, light: &Rows, (x, y): (usize, usize)) -> [[Lanes; 4]; 2] {
     // What belongs to p: its guides, and 1 / (sigma_l sqrt(g3x3(Var)) + eps) for each signal.
-    let surface = |c| &guides.surface.row(y, c)[x..][..len];
+    let surface = |c| load(guides.surface.row(y, c), x as isize, 0.0);
     let [z, nx, ny, nz] = [surface(DEPTH), surface(NORMAL), surface(NORMAL + 1), surface(NORMAL + 2)];
-    let [gx, gy] = [0, 1].map(|axis| &guides.slope.row(y, GRADIENT + axis)[x..][..len]);
-    let scale = [3, 7].map(|c| luminance_scale(constants, light, c, (x, y), len));
+    let [gx, gy] = [0, 1].map(|axis| load(guides.slope.row(y, GRADIENT + axis), x as isize, 0.0));
+    let scale = [3, 7].map(|c| luminance_scale(constants, light, c, (x, y)));
     let mut own = [[0.0; BLOCK]; 2];
     let mut sums = [[[0.0; BLOCK]; 4]; 2];
     for signal in 0..2 {
-        let [r, g, b, v] = [0, 1, 2, 3].map(|c| &light.row(y, 4 * signal + c)[x..][..len]);
-        for i in 0..len {
+        let [r, g, b, v] = [0, 1, 2, 3].map(|c| load(light.row(y, 4 * signal + c), x as isize, 0.0));
+        let [sr, sg, sb, sv] = &mut sums[signal];
+        for i in 0..BLOCK {
             own[signal][i] = luminance([r[i], g[i], b[i]]);
-            sums[signal][0][i] = CENTRE * r[i];
-            sums[signal][1][i] = CENTRE * g[i];
-            sums[signal][2][i] = CENTRE * b[i];
-            sums[signal][3][i] = CENTRE * CENTRE * v[i];
+            (sr[i], sg[i], sb[i]) = (CENTRE * r[i], CENTRE * g[i], CENTRE * b[i]);
+            sv[i] = CENTRE * CENTRE * v[i];
         }
     }
     let mut weights = [[CENTRE; BLOCK]; 2];
-    taps(
-        size,
-        step,
-        (x, y),
-        len,
-        #[inline(always)]
-        |tap| {
-            let n = tap.len;
-            let surface = |c| &guides.surface.row(tap.y, c)[tap.x..][..n];
-            let [qz, qnx, qny, qnz] = [surface(DEPTH), surface(NORMAL), surface(NORMAL + 1), surface(NORMAL + 2)];
-            let [z, nx, ny, nz] = [z, nx, ny, nz].map(|p| &p[tap.first..][..n]);
-            let [gx, gy] = [gx, gy].map(|p| &p[tap.first..][..n]);
-            let [ox, oy] = tap.offset.map(|o| o * constants.sigma_z);
-            // What both signals share: -ln w_z, and h w_n.
-            let (mut off, mut share) = ([0.0; BLOCK], [0.0; BLOCK]);
-            let (off, share) = (&mut off[..n], &mut share[..n]);
-            for i in 0..n {
-                off[i] = (z[i] - qz[i]).abs() / ((gx[i] * ox + gy[i] * oy).abs() + DEPTH_EPSILON * z[i]);
-                let cos = nx[i] * qnx[i] + ny[i] * qny[i] + nz[i] * qnz[i];
-                share[i] = tap.weight * to_the_128th(if cos > 0.0 { cos } else { 0.0 });
+    #[rustfmt::skip]
+    taps(light.size(), step, (x, y), #[inline(always)] |tap| {
+        // Outside the image the normal is 0, and so is the weight.
+        let surface = |c| load(guides.surface.row(tap.y, c), tap.x, 0.0);
+        let [qz, qnx, qny, qnz] = [surface(DEPTH), surface(NORMAL), surface(NORMAL + 1), surface(NORMAL + 2)];
+        let [ox, oy] = tap.offset.map(|o| o * constants.sigma_z);
+        // What both signals share: -ln w_z, and h w_n.
+        let (mut off, mut share) = ([0.0; BLOCK], [0.0; BLOCK]);
+        for i in 0..BLOCK {
+            off[i] = (z[i] - qz[i]).abs() / ((gx[i] * ox + gy[i] * oy).abs() + DEPTH_EPSILON * z[i]);
+            let cos = nx[i] * qnx[i] + ny[i] * qny[i] + nz[i] * qnz[i];
+            share[i] = tap.weight * to_the_128th(if cos > 0.0 { cos } else { 0.0 });
+        }
+        for signal in 0..2 {
+            let [r, g, b, v] = [0, 1, 2, 3].map(|c| load(light.row(tap.y, 4 * signal + c), tap.x, 0.0));
+            let (own, scale, weights) = (&own[signal], &scale[signal], &mut weights[signal]);
+            let [sr, sg, sb, sv] = &mut sums[signal];
+            for i in 0..BLOCK {
+                let l = luminance([r[i], g[i], b[i]]);
+                let w = share[i] * exp_neg(off[i] + (own[i] - l).abs() * scale[i]);
+                weights[i] += w;
+                sr[i] += w * r[i];
+                sg[i] += w * g[i];
+                sb[i] += w * b[i];
+                sv[i] += w * w * v[i];
             }
-            for signal in 0..2 {
-                let [r, g, b, v] = [0, 1, 2, 3].map(|c| &light.row(tap.y, 4 * signal + c)[tap.x..][..n]);
-                let own = &own[signal][tap.first..][..n];
-                let scale = &scale[signal][tap.first..][..n];
-                let weights = &mut weights[signal][tap.first..][..n];
-                let [sr, sg, sb, sv] = sums[signal].each_mut().map(|s| &mut s[tap.first..][..n]);
-                for i in 0..n {
-                    let l = luminance([r[i], g[i], b[i]]);
-                    let w = share[i] * exp_neg(off[i] + (own[i] - l).abs() * scale[i]);
-                    weights[i] += w;
-                    sr[i] += w * r[i];
-                    sg[i] += w * g[i];
-                    sb[i] += w * b[i];
-                    sv[i] += w * w * v[i];
-                }
-            }
-        },
-    );
+        }
+    });
     for signal in 0..2 {
-        for i in 0..len {
+        let [sr, sg, sb, sv] = &mut sums[signal];
+        for i in 0..BLOCK {
             let norm = 1.0 / weights[signal][i];
-            sums[signal][0][i] *= norm;
-            sums[signal][1][i] *= norm;
-            sums[signal][2][i] *= norm;
-            sums[signal][3][i] *= norm * norm;
+            (sr[i], sg[i], sb[i]) = (sr[i] * norm, sg[i] * norm, sb[i] * norm);
+            sv[i] *= norm * norm;
         }
     }
     sums
@@ -343,25 +320,25 @@ fn block(
 
 /// 1 / (sigma_l sqrt(g3x3(Var)) + eps), the variance in channel `c`; pixels outside the image do not count.
 #[inline(always)]
-fn luminance_scale(constants: &Constants, light: &Rows, c: usize, (x, y): (usize, usize), len: usize) -> Lanes {
+fn luminance_scale(constants: &Constants, light: &Rows, c: usize, (x, y): (usize, usize)) -> Lanes {
     const GAUSSIAN: [f32; 3] = [0.25, 0.5, 0.25];
-    let Size { width, height } = light.size();
     let (mut sum, mut total) = ([0.0; BLOCK], [0.0; BLOCK]);
     for (dy, wy) in GAUSSIAN.into_iter().enumerate() {
-        let Some(row) = (y + dy).checked_sub(1).filter(|&row| row < height) else { continue };
-        let variance = light.row(row, c);
+        let Some(row) = (y + dy).checked_sub(1).filter(|&row| row < light.size().height) else { continue };
         for (dx, wx) in GAUSSIAN.into_iter().enumerate() {
-            let (begin, end) = ((x + dx).max(1) - 1, (x + dx + len - 1).min(width));
-            let first = begin + 1 - x - dx;
-            for (i, v) in variance[begin..end].iter().enumerate() {
-                sum[first + i] += wx * wy * v;
-                total[first + i] += wx * wy;
+            // A variance is not below 0: that marks what lies outside.
+            let variance = load(light.row(row, c), x as isize + dx as isize - 1, -1.0);
+            for i in 0..BLOCK {
+                let w = if variance[i] >= 0.0 { wx * wy } else { 0.0 };
+                sum[i] += w * variance[i];
+                total[i] += w;
             }
         }
     }
-    std::array::from_fn(|i| {
-        if i < len { 1.0 / (constants.sigma_l * (sum[i] / total[i]).sqrt() + LUMINANCE_EPSILON) } else { 0.0 }
-    })
+    sum.iter_mut().zip(total).for_each(|(s, total)| {
+        *s = 1.0 / (constants.sigma_l * (*s / total).sqrt() + LUMINANCE_EPSILON);
+    });
+    sum
 }
 
 #[cfg(test)]
