@@ -32,7 +32,7 @@ pub struct Constants {
 }
 
 impl Constants {
-    /// Section 4 of the paper; sigma_n is 128, see [`to_the_128th`].
+    /// Section 4 of the paper; sigma_n is 128 always.
     pub const PAPER: Self =
         Self { colour_alpha: 0.2, moments_alpha: 0.2, levels: 5, feedback: 0, sigma_z: 1.0, sigma_l: 4.0 };
     /// The defaults of the code that the authors published later.
