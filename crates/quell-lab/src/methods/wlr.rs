@@ -35,6 +35,9 @@ const LEAST_SINGULAR: f32 = 0.01;
 /// Bandwidths at which bias and variance are measured, in units of the largest predicted change within the window.
 const BANDWIDTHS: [f32; 4] = [0.12, 0.35, 1.0, 2.8];
 
+/// A difference between two estimates is bias only beyond so many times the variance of that difference.
+const DOUBT: f32 = 9.0;
+
 /// Elements of a window in reading order; 0 beyond the last.
 type Window = [f32; VECTORS * LANES];
 
@@ -119,6 +122,7 @@ struct Local {
     z: [Window; DIMENSIONS],
     rank: usize,
     colour: [Window; 3],
+    own: Rgb,
     variance: Window,
     inside: Window,
     /// Steepness of colour along each dimension, 1 / bandwidth.
@@ -133,6 +137,7 @@ impl Local {
             z: [empty; DIMENSIONS],
             rank: 0,
             colour: [empty; 3],
+            own: [0.0; 3],
             variance: empty,
             inside: empty,
             steepness: [0.0; DIMENSIONS],
@@ -226,17 +231,12 @@ impl Planes<'_> {
             locals.iter_mut().for_each(|local| local.weigh(simd, h));
             let model = fit(simd, locals);
             for (l, local) in locals.iter().enumerate() {
-                estimates[l][i] = std::array::from_fn(|c| model[0][c][l]);
+                estimates[l][i] = std::array::from_fn(|c| local.own[c] + model[0][c][l]);
                 let kernel: [f32; COLUMNS] = std::array::from_fn(|j| model[j][3][l]);
                 variances[l][i] = local.variance_of_estimate(simd, &kernel);
             }
         }
-        for (l, local) in locals.iter_mut().enumerate() {
-            let h = best_bandwidth(&estimates[l], &variances[l], local.rank);
-            local.weigh(simd, h);
-        }
-        let model = fit(simd, locals);
-        std::array::from_fn(|l| std::array::from_fn(|c| model[0][c][l]))
+        std::array::from_fn(|l| estimates[l][best_bandwidth(&estimates[l], &variances[l])])
     }
 
     /// Section 4: the local space. Features relative to the centre, scaled to the window's range; singular vectors of
@@ -247,6 +247,13 @@ impl Planes<'_> {
         gather(self.variance, centre, &mut local.variance);
         for c in 0..3 {
             gather(&self.colour[c], centre, &mut local.colour[c]);
+            // Relative to the pixel itself, as the features are: sums in single precision lose less.
+            local.own[c] = self.colour[c].data()[centre];
+            let own = f32x16::splat(simd, local.own[c]);
+            for v in 0..VECTORS {
+                let relative = vector(simd, &local.colour[c], v) - own;
+                relative.store_slice(&mut local.colour[c][v * LANES..(v + 1) * LANES]);
+            }
         }
         let mut x = [[0.0; VECTORS * LANES]; DIMENSIONS];
         let mut count = 0;
@@ -406,29 +413,17 @@ fn fit<S: Simd>(simd: S, locals: &[Local]) -> [[f32x16<S>; RIGHT]; COLUMNS] {
     solve::<S, COLUMNS, RIGHT>(simd, &vectors)
 }
 
-/// Section 5.2: estimates are modelled as f + b h^2 and their variance as v / h^d; the bandwidth at which the squared
-/// bias and the variance add up to the least, within the bandwidths tried.
-fn best_bandwidth(estimates: &[[f32; 3]; BANDWIDTHS.len()], variances: &[f32; BANDWIDTHS.len()], rank: usize) -> f32 {
-    let last = BANDWIDTHS[BANDWIDTHS.len() - 1];
-    if variances.iter().any(|v| v.is_nan()) || variances[0] <= 0.0 {
-        return last;
-    }
-    // Weighted least squares: what is known better counts more.
-    let weights = variances.map(|v| 1.0 / v.max(f32::MIN_POSITIVE));
-    let total: f32 = weights.iter().sum();
-    let squares = BANDWIDTHS.map(|h| h * h);
-    let mean =
-        |values: &dyn Fn(usize) -> f32| (0..BANDWIDTHS.len()).map(|i| weights[i] * values(i)).sum::<f32>() / total;
-    let centre = mean(&|i| squares[i]);
-    let spread = mean(&|i| (squares[i] - centre).powi(2));
-    let bias = |c: usize| mean(&|i| (squares[i] - centre) * estimates[i][c]) / spread;
-    let bias2 = (0..3).map(|c| bias(c).powi(2)).sum::<f32>() / 3.0;
-    let d = rank as f32;
-    let level = (0..BANDWIDTHS.len()).map(|i| variances[i].max(f32::MIN_POSITIVE).ln() + d * BANDWIDTHS[i].ln());
-    let level = (level.sum::<f32>() / BANDWIDTHS.len() as f32).exp();
-    // The minimum of bias2 h^4 + level / h^d.
-    let h = (d * level / (4.0 * bias2)).powf(1.0 / (d + 4.0));
-    if h.is_nan() { last } else { h.clamp(BANDWIDTHS[0], last) }
+/// Section 5.2: the bandwidth at which squared bias and variance add up to the least. The bias of an estimate is how far
+/// it lies from those of smaller bandwidths, beyond what their noise explains.
+fn best_bandwidth(estimates: &[[f32; 3]; BANDWIDTHS.len()], variances: &[f32; BANDWIDTHS.len()]) -> usize {
+    let error = |i: usize| {
+        let bias2 = |j: usize| {
+            let squares = (0..3).map(|c| (estimates[i][c] - estimates[j][c]).powi(2)).sum::<f32>() / 3.0;
+            squares - DOUBT * (variances[j] - variances[i]).max(0.0)
+        };
+        (0..i).map(bias2).fold(0.0, f32::max) + variances[i]
+    };
+    (1..BANDWIDTHS.len()).fold(0, |best, i| if error(i) < error(best) { i } else { best })
 }
 
 /// Eigenvalues, and eigenvectors as columns, of the leading `count` rows and columns of a symmetric matrix: Jacobi's
