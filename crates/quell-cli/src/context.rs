@@ -103,7 +103,7 @@ impl Context {
 }
 
 /// The report as JSON, with further fields behind its own.
-fn with_further(report: &Report, further: Map<String, Value>) -> Result<String, Failure> {
+pub fn with_further(report: &Report, further: Map<String, Value>) -> Result<String, Failure> {
     let wrong = |e: serde_json::Error| Failure::Failed(format!("cannot write the report as JSON: {e}"));
     if further.is_empty() {
         return Ok(report.to_json()?);

@@ -94,6 +94,10 @@ impl From<quell_frames::Error> for Failure {
 
 impl From<quell_lab::Error> for Failure {
     fn from(error: quell_lab::Error) -> Self {
-        Self::Failed(error.to_string())
+        match error {
+            quell_lab::Error::UnknownMethod { .. } => Self::Usage(error.to_string()),
+            quell_lab::Error::Quell(error) => error.into(),
+            error => Self::Failed(error.to_string()),
+        }
     }
 }

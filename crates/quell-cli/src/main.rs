@@ -22,7 +22,12 @@ mod sequence;
 
 use args::Cli;
 use clap::Parser;
+use peak_alloc::PeakAlloc;
 use std::process::ExitCode;
+
+/// Counts what is allocated: `quell compare` says how much memory each method takes.
+#[global_allocator]
+static ALLOCATOR: PeakAlloc = PeakAlloc;
 
 fn main() -> ExitCode {
     match commands::run(Cli::parse()) {

@@ -1,11 +1,13 @@
 //! What the user typed. Nothing here has a side effect; what the program runs on is made from it in `context.rs` and by
 //! each command.
 
+pub mod compare;
 pub mod ranges;
 pub mod values;
 
 use clap::{Args, Parser, Subcommand};
 use clap_complete::Shell;
+pub use compare::CompareArgs;
 use quell::Size;
 use quell_trace::Estimator;
 use ranges::Frames;
@@ -75,6 +77,7 @@ pub struct Common {
 pub enum Command {
     Demo(DemoArgs),
     Render(RenderArgs),
+    Compare(CompareArgs),
     Scenes(ScenesArgs),
     Bench(BenchArgs),
     Explain(ExplainArgs),

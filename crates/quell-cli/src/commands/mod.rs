@@ -1,6 +1,7 @@
 //! The commands, one file each, and what `quell` does without one.
 
 mod bench;
+mod compare;
 mod demo;
 mod explain;
 mod render;
@@ -37,6 +38,7 @@ pub fn run(cli: Cli) -> Result<(), Failure> {
         match command {
             Command::Demo(args) => demo::run(&context, args),
             Command::Render(args) => render::run(&context, args),
+            Command::Compare(args) => compare::run(&context, args),
             Command::Scenes(_) => scenes::run(&context),
             Command::Bench(args) => bench::run(&context, args),
             Command::Explain(args) => explain::run(&context, args),

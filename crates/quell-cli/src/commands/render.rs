@@ -52,7 +52,7 @@ pub fn run(context: &Context, args: RenderArgs) -> Result<(), Failure> {
 const DEFAULT_REFERENCE_SPP: u32 = 256;
 
 /// How light is sampled, from the command line.
-fn options(size: Size, sampling: &SamplingArgs) -> Result<RenderOptions, Failure> {
+pub fn options(size: Size, sampling: &SamplingArgs) -> Result<RenderOptions, Failure> {
     if !(sampling.indirect_clamp.is_finite() && sampling.indirect_clamp >= 0.0) {
         let value = sampling.indirect_clamp;
         return Err(Failure::Usage(format!("--indirect-clamp {value} is no luminance; 0 is no limit")));
@@ -72,7 +72,7 @@ fn options(size: Size, sampling: &SamplingArgs) -> Result<RenderOptions, Failure
 }
 
 /// A camera of the scene, counted from 1.
-fn camera(scene: &Scene, text: &str) -> Result<usize, Failure> {
+pub fn camera(scene: &Scene, text: &str) -> Result<usize, Failure> {
     let count = scene.cameras.len();
     text.parse().ok().filter(|n| (1..=count).contains(n)).ok_or_else(|| {
         Failure::Usage(format!("camera `{text}` does not exist: scene `{}` has cameras 1 to {count}", scene.name))

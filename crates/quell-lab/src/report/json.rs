@@ -28,6 +28,9 @@ pub struct Report {
     pub stages: Vec<StageTime>,
     /// Scores of each method, first the noisy input.
     pub metrics: Vec<MethodScores>,
+    /// The methods of a comparison with all their figures.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub methods: Vec<crate::report::figures::ComparedMethod>,
     /// What was repaired in the input.
     pub sanitised: Vec<Sanitised>,
     /// Sentences that a user should read.
@@ -51,6 +54,7 @@ impl Report {
             frames: Vec::new(),
             stages: Vec::new(),
             metrics: Vec::new(),
+            methods: Vec::new(),
             sanitised: Vec::new(),
             warnings: Vec::new(),
         }

@@ -2,11 +2,15 @@
 //!
 //! ```text
 //! json.rs    `Report`: the one JSON type (interfaces.md, section 5)
+//! comparison.rs  the page of a comparison
+//! figures.rs every figure of a comparison: tables, CSV, LaTeX
 //! table.rs   metrics and stage times as text
 //! player.rs  the self-contained page
 //! strip.rs   the animated picture
 //! ```
 
+pub mod comparison;
+pub mod figures;
 pub mod json;
 pub mod player;
 pub mod strip;

@@ -109,7 +109,7 @@ pub fn stage_table(stages: &[StageTime]) -> Table {
 }
 
 /// Three significant digits.
-fn significant(value: f64) -> String {
+pub(crate) fn significant(value: f64) -> String {
     if value == 0.0 || !value.is_finite() {
         return value.to_string();
     }
