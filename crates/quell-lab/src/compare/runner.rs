@@ -14,7 +14,7 @@ use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 /// Says that a method is finished; written last.
 const DONE: &str = "done.json";
@@ -51,10 +51,11 @@ pub struct Finished {
 }
 
 /// What stands in the file that is written last.
-#[derive(Debug, Serialize, Deserialize)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 struct Done {
     key: String,
-    milliseconds: Vec<f64>,
+    /// Of each frame; whole numbers, which JSON keeps to the bit.
+    nanoseconds: Vec<u64>,
     peak_bytes: Option<u64>,
     notes: Vec<String>,
 }
@@ -108,12 +109,12 @@ impl Runner<'_> {
     fn kept(&self, sequence: &Sequence, name: &str, folder: &Path, key: &str) -> Option<Finished> {
         let done = done_with(folder, key)?;
         let files: Vec<PathBuf> = sequence.numbers.iter().map(|&n| picture_path(folder, n)).collect();
-        if done.milliseconds.len() != files.len() || files.iter().any(|f| !f.is_file()) {
+        if done.nanoseconds.len() != files.len() || files.iter().any(|f| !f.is_file()) {
             return None;
         }
         Some(Finished {
             name: name.to_owned(),
-            milliseconds: steady(&done.milliseconds),
+            milliseconds: steady(&done.nanoseconds),
             peak_bytes: done.peak_bytes,
             notes: done.notes,
             resumed: true,
@@ -141,7 +142,7 @@ impl Runner<'_> {
         }
         forget(folder)?;
         let mut meter = Meter::new(self.memory);
-        let mut milliseconds = Vec::with_capacity(sequence.numbers.len());
+        let mut nanoseconds = Vec::with_capacity(sequence.numbers.len());
         let mut files = Vec::with_capacity(sequence.numbers.len());
         let mut clamped = 0;
         for (index, &number) in sequence.numbers.iter().enumerate() {
@@ -158,7 +159,7 @@ impl Runner<'_> {
             let picture = picture?;
             Error::same_size("finished picture", picture.size(), sequence.size)?;
             meter.released(std::mem::size_of_val(picture.data()));
-            milliseconds.push(time.as_secs_f64() * 1e3);
+            nanoseconds.push(whole_nanoseconds(time));
             let path = picture_path(folder, number);
             clamped += write_picture(&path, &picture, &noisy.frame, &name)?;
             files.push(path);
@@ -168,11 +169,11 @@ impl Runner<'_> {
         if clamped > 0 {
             notes.push(format!("{name}: {clamped} values were beyond 65504 and count as that."));
         }
-        let done = Done { key, milliseconds, peak_bytes: meter.peak(), notes };
+        let done = Done { key, nanoseconds, peak_bytes: meter.peak(), notes };
         write_done(folder, &done)?;
         Ok(Finished {
             name,
-            milliseconds: steady(&done.milliseconds),
+            milliseconds: steady(&done.nanoseconds),
             peak_bytes: done.peak_bytes,
             notes: done.notes,
             resumed: false,
@@ -194,25 +195,20 @@ impl Runner<'_> {
         std::fs::create_dir_all(&out).map_err(|e| quell_frames::Error::io(&out, "create folder", e))?;
         let given = given_frames(sequence, &folder.join("noisy"))?;
         let time = run_command(name, command, &given, &out, &folder.join("log.txt"), self.cancel)?;
-        let each = time.as_secs_f64() * 1e3 / sequence.numbers.len().max(1) as f64;
+        let each = whole_nanoseconds(time) / sequence.numbers.len().max(1) as u64;
         let notes = vec![format!(
             "{name}: a command; its time is wall time over frames, starting, reading and writing included, and its \
              memory is not known."
         )];
-        let done = Done { key, milliseconds: vec![each], peak_bytes: None, notes };
-        let finished = finished_frames(sequence, name, &out, Some(Done { key: String::new(), ..done_of(&done) }))?;
+        let done = Done { key, nanoseconds: vec![each], peak_bytes: None, notes };
+        let finished = finished_frames(sequence, name, &out, Some(done.clone()))?;
         write_done(folder, &done)?;
         Ok(finished)
     }
 }
 
-fn done_of(done: &Done) -> Done {
-    Done {
-        key: done.key.clone(),
-        milliseconds: done.milliseconds.clone(),
-        peak_bytes: done.peak_bytes,
-        notes: done.notes.clone(),
-    }
+fn whole_nanoseconds(time: Duration) -> u64 {
+    u64::try_from(time.as_nanos()).unwrap_or(u64::MAX)
 }
 
 /// The folder that a command reads: the sequence's own, where all its frames and no others lie in one; else `place`,
@@ -255,7 +251,7 @@ fn finished_frames(sequence: &Sequence, name: &str, folder: &Path, done: Option<
         }
     }
     let (milliseconds, notes) = match done {
-        Some(done) => (Spread::of(done.milliseconds.iter().copied()), done.notes),
+        Some(done) => (steady(&done.nanoseconds), done.notes),
         None => {
             (None, vec![format!("{name}: finished frames in {}; time and memory are not known.", folder.display())])
         }
@@ -264,9 +260,9 @@ fn finished_frames(sequence: &Sequence, name: &str, folder: &Path, done: Option<
 }
 
 /// Times of the steady state; of all frames but the first where none is steady.
-fn steady(milliseconds: &[f64]) -> Option<Spread> {
-    let from = if milliseconds.len() > START_FRAMES { START_FRAMES } else { usize::from(milliseconds.len() > 1) };
-    Spread::of(milliseconds.iter().skip(from).copied())
+fn steady(nanoseconds: &[u64]) -> Option<Spread> {
+    let from = if nanoseconds.len() > START_FRAMES { START_FRAMES } else { usize::from(nanoseconds.len() > 1) };
+    Spread::of(nanoseconds.iter().skip(from).map(|&n| n as f64 / 1e6))
 }
 
 /// `quell:paper` becomes `quell_paper`; names that hold more than a file name may get a hash to stay apart.
@@ -344,9 +340,9 @@ mod tests {
 
     #[test]
     fn times_leave_the_start_out() {
-        let times: Vec<f64> = (0..24).map(|i| if i < 16 { 100.0 } else { 2.0 }).collect();
+        let times: Vec<u64> = (0..24).map(|i| if i < 16 { 100_000_000 } else { 2_000_000 }).collect();
         assert_eq!(steady(&times).map(|s| (s.median, s.max)), Some((2.0, 2.0)));
-        assert_eq!(steady(&[50.0, 1.0, 3.0]).map(|s| s.median), Some(2.0));
-        assert_eq!(steady(&[50.0]).map(|s| s.median), Some(50.0));
+        assert_eq!(steady(&[50_000_000, 1_000_000, 3_000_000]).map(|s| s.median), Some(2.0));
+        assert_eq!(steady(&[50_000_000]).map(|s| s.median), Some(50.0));
     }
 }

@@ -106,9 +106,9 @@ impl SceneSource<'_> {
             let bytes = bytes_of(&frame);
             let stored = match path {
                 Some(path) if bytes_in_memory + bytes > MOST_FRAME_BYTES => Stored::File(path),
-                _ => {
+                path => {
                     bytes_in_memory += bytes;
-                    Stored::Memory(Box::new(frame))
+                    Stored::Memory(Box::new(frame), path)
                 }
             };
             sequence.stored.push(stored);

@@ -61,7 +61,8 @@ pub struct SequenceReference {
 
 /// Where a noisy frame lies.
 pub(super) enum Stored {
-    Memory(Box<NoisyFrame>),
+    /// With its file, where it lies in one as well.
+    Memory(Box<NoisyFrame>, Option<PathBuf>),
     File(PathBuf),
 }
 
@@ -95,7 +96,7 @@ impl Sequence {
     /// A file that cannot be read; [`Error::Empty`] where there is no such frame.
     pub fn frame(&self, index: usize) -> Result<Cow<'_, NoisyFrame>, Error> {
         match self.stored.get(index) {
-            Some(Stored::Memory(frame)) => Ok(Cow::Borrowed(frame)),
+            Some(Stored::Memory(frame, _)) => Ok(Cow::Borrowed(frame)),
             Some(Stored::File(path)) => {
                 let file = quell_frames::read_frame(path)?;
                 let found = super::folder::noisy_frame(file);
@@ -109,7 +110,7 @@ impl Sequence {
     /// The file of a noisy frame, where it lies in one.
     pub fn file(&self, index: usize) -> Option<&std::path::Path> {
         match self.stored.get(index) {
-            Some(Stored::File(path)) => Some(path),
+            Some(Stored::File(path)) | Some(Stored::Memory(_, Some(path))) => Some(path),
             _ => None,
         }
     }

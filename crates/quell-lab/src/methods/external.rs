@@ -75,6 +75,10 @@ impl Competitor {
         words
             .map(|word| {
                 if let Some((name, folder)) = external(word) {
+                    if folder.contains(OUT) || folder.contains(NOISY) {
+                        let reason = "a command may hold commas, so it stands alone: give it a --methods of its own";
+                        return Err(Error::Method { method: name.to_owned(), reason: reason.to_owned() });
+                    }
                     return Ok(Self::Frames { name: name.to_owned(), folder: PathBuf::from(folder) });
                 }
                 match super::parse(word) {
@@ -200,6 +204,7 @@ mod tests {
         let list = Competitor::list(command).unwrap();
         assert_eq!(list, [Competitor::Command { name: "mine".to_owned(), command: command[5..].to_owned() }]);
         assert!(Competitor::list("mine=tool {noisy}").unwrap_err().to_string().contains("{out}"));
+        assert!(Competitor::list("none,mine=tool {out}").unwrap_err().to_string().contains("stands alone"));
         let error = Competitor::list("none,quell:papr").unwrap_err();
         assert!(matches!(&error, Error::UnknownMethod { .. }), "{error}");
         assert!(Competitor::list("nome").unwrap_err().to_string().contains("did you mean none"));

@@ -3,6 +3,7 @@
 mod baselines;
 mod browser;
 mod compare;
+mod comparison;
 mod metrics;
 mod oidn;
 mod player;

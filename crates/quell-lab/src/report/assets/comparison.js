@@ -413,7 +413,7 @@
     { show: ["o"], keys: ["o"], help: "one", act: () => setMode("one") },
     ...(hasSlices ? [{ show: ["x"], keys: ["x"], help: "x\u2013t slices", act: () => setMode("slice") }] : []),
     ...sequences.slice(0, 9).map((s, i) => ({ keys: [`${i + 1}`], act: () => showOne(i) })),
-    { show: ["1", `${Math.min(9, sequences.length)}`], keys: [], help: "flip between methods" },
+    { show: [`1\u2013${Math.min(9, sequences.length)}`], keys: [], help: "flip between methods" },
     { show: ["[", "]"], keys: ["]"], help: "next method, next row", act: () => flipBy(1) },
     { keys: ["["], act: () => flipBy(-1) },
     ...(hasErrors ? [{ show: ["e"], keys: ["e"], help: "FLIP maps", act: toggleErrors }] : []),
@@ -423,6 +423,8 @@
     { keys: ["ArrowUp"], act: () => flipBy(-1) },
     { keys: ["ArrowDown"], act: () => flipBy(1) },
   ];
+  // What the mouse has pressed does not keep the keyboard: space plays.
+  document.addEventListener("click", (event) => { if (event.detail > 0) event.target.closest("button")?.blur(); });
   document.addEventListener("keydown", (event) => {
     if (event.ctrlKey || event.metaKey || event.altKey) return;
     const target = event.target;
@@ -493,6 +495,7 @@
   byId("legend").querySelector("i").style.background = `linear-gradient(90deg, ${MAGMA.map((c) => `rgb(${c})`).join(",")})`;
 
   // ---- Tables ----
+  const WAY = { lower: "lower is better", higher: "higher is better", one: "1 is right" };
   const figureList = data.groups.flatMap((g) => g.figures);
   const tableOf = (title, id, figures) => {
     const table = element("table");
@@ -501,7 +504,7 @@
     head.append(element("th", "", "method"));
     for (const figure of figures) {
       const cell = element("th", "", figure.label);
-      cell.title = `${figure.meaning}; ${{ lower: "lower is better", higher: "higher is better", one: "1 is right" }[figure.better]}`;
+      cell.title = `${figure.meaning}; ${WAY[figure.better]}`;
       head.append(cell);
     }
     const body = element("tbody");
@@ -607,8 +610,7 @@
     }
     root.append(svg("line", { class: "axis", x1: box.left, x2: box.w - box.right, y1: bottom, y2: bottom }));
     root.append(svg("text", { class: "title", x: (box.left + box.w - box.right) / 2, y: box.h - 10, "text-anchor": "middle" }, "milliseconds a frame (logarithmic)"));
-    const way = { lower: "lower is better", higher: "higher is better", one: "1 is right" }[figure.better];
-    root.append(svg("text", { class: "title", x: box.left, y: 14 }, `${figure.label}: ${figure.meaning}; ${way}`));
+    root.append(svg("text", { class: "title", x: box.left, y: 14 }, `${figure.label}: ${figure.meaning}; ${WAY[figure.better]}`));
     // Methods than which none is both faster and better.
     const badness = (v) => ({ lower: v, higher: -v, one: Math.abs(v - 1) })[figure.better];
     const front = [...points].sort((a, b) => a.x - b.x).filter((p, _, all) => !all.some((q) => q !== p && q.x <= p.x && badness(q.y) <= badness(p.y) && (q.x < p.x || badness(q.y) < badness(p.y))));

@@ -1,5 +1,7 @@
 //! The built program as a user meets it: help, usage errors, output on both streams, files, interrupts.
 
+mod compare;
+
 use serde_json::Value;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
@@ -50,7 +52,7 @@ impl Drop for Folder {
     }
 }
 
-const COMMANDS: [&str; 5] = ["demo", "render", "scenes", "bench", "explain"];
+const COMMANDS: [&str; 6] = ["demo", "render", "compare", "scenes", "bench", "explain"];
 /// The smallest run that has everything.
 const SMALL: [&str; 6] = ["render", "cornell-box", "--size", "48x27", "--direct-samples", "2"];
 
