@@ -252,7 +252,7 @@ fn the_page_works_in_a_browser() {
     browser.wait_for("document.body.dataset.mode === 'one' && document.getElementById('one-method').value === '4'");
     // The plot: one point a method with a time, but for the noisy input; another figure, other points.
     assert_eq!(browser.value("document.querySelectorAll('#plot circle').length"), 3);
-    let y = "document.querySelector('#plot circle').getAttribute('cy')";
+    let y = "document.querySelector('#plot svg').getAttribute('aria-label')";
     let before = browser.value(y);
     let choose = "(() => { const s = document.getElementById('plot-figure'); s.value = 'blur'; \
                   s.dispatchEvent(new Event('change')); return document.querySelectorAll('#plot circle').length; })()";
