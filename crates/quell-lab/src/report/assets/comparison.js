@@ -515,8 +515,9 @@
       name.append(dot(method.name), method.name);
       row.append(name);
       const at = sequences.findIndex((s) => s.name === method.name);
+      if (method.reason && id !== "pictures") continue;
       if (method.reason) {
-        row.className = "absent";
+        row.className = "out";
         const why = element("td", "reason", method.reason);
         why.colSpan = figures.length;
         row.append(why);
