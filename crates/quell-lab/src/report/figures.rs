@@ -89,7 +89,13 @@ pub const PICTURE: &[Figure] = &[
     figure!("psnr", "PSNR dB", Higher, Digits(2), "peak signal-to-noise ratio after the tone curve"),
     figure!("ssim", "SSIM", Higher, Digits(4), "structural similarity after the tone curve"),
     figure!("flip", "FLIP", Lower, Digits(4), "what a viewer sees when flipping to the reference, at one exposure"),
-    figure!("hdr_flip", "HDR-FLIP", Lower, Digits(4), "the same, the worst over all exposures"),
+    figure!(
+        "hdr_flip",
+        "HDR-FLIP",
+        Lower,
+        Digits(4),
+        "what a viewer sees when flipping to the reference, the worst over all exposures"
+    ),
     figure!("energy", "energy", One, Digits(4), "light of the picture over light of the reference"),
     figure!("fireflies", "fireflies", Lower, Digits(1), "pixels a frame that are far too bright"),
 ];
