@@ -67,7 +67,7 @@ impl ReferencePair {
 }
 
 /// As [`ReferencePair::rel_mse`], of two pictures.
-pub(crate) fn halves_rel_mse(a: &Plane<Rgb>, b: &Plane<Rgb>) -> f64 {
+pub fn halves_rel_mse(a: &Plane<Rgb>, b: &Plane<Rgb>) -> f64 {
     let (a, b) = (a.data(), b.data());
     let pixels = a.len().max(1);
     let mean = |p: &Rgb, q: &Rgb| -> Rgb { std::array::from_fn(|c| 0.5 * (p[c] + q[c])) };

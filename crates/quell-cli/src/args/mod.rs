@@ -79,6 +79,7 @@ pub enum Command {
     Render(RenderArgs),
     Compare(CompareArgs),
     Scenes(ScenesArgs),
+    Score(ScoreArgs),
     Bench(BenchArgs),
     Explain(ExplainArgs),
 }
@@ -184,6 +185,30 @@ pub struct SamplingArgs {
 #[derive(Debug, Args)]
 #[command(before_help = "Example: quell scenes")]
 pub struct ScenesArgs {}
+
+/// Score frames that anything made against references: picture metrics, and the scorecard of artefacts
+#[derive(Debug, Args)]
+#[command(before_help = "Example: quell score frames/denoised --reference frames/reference --guides frames/noisy")]
+pub struct ScoreArgs {
+    /// Folder of the frames to be scored, EXR as quell writes it; or the folder above its `denoised`
+    #[arg(value_name = "DIR")]
+    pub results: PathBuf,
+    /// Folder of the converged frames, with their halves where there are any; or the folder above its `reference`
+    #[arg(long, value_name = "DIR")]
+    pub reference: PathBuf,
+    /// Folder of frames with guides (depth, normals, motion, ids), or the folder above its `noisy` [default: the references]
+    #[arg(long, value_name = "DIR")]
+    pub guides: Option<PathBuf>,
+    /// Score these frames only
+    #[arg(long, value_name = "RANGE", allow_hyphen_values = true)]
+    pub frames: Option<Frames>,
+    /// Frames that serve as the past of the others only [default: 16, or a third of fewer than 24]
+    #[arg(long, value_name = "N")]
+    pub warm_up: Option<u32>,
+    /// What the table calls the result [default: its folder]
+    #[arg(long, value_name = "NAME")]
+    pub name: Option<String>,
+}
 
 /// Measure the time of each stage beside the paper's table; with --scene also the rays a second
 #[derive(Debug, Args)]

@@ -6,6 +6,7 @@ mod demo;
 mod explain;
 mod render;
 mod scenes;
+mod score;
 
 use crate::args::{Cli, Command};
 use crate::context::{Context, instruction_set};
@@ -40,6 +41,7 @@ pub fn run(cli: Cli) -> Result<(), Failure> {
             Command::Render(args) => render::run(&context, args),
             Command::Compare(args) => compare::run(&context, args),
             Command::Scenes(_) => scenes::run(&context),
+            Command::Score(args) => score::run(&context, args),
             Command::Bench(args) => bench::run(&context, args),
             Command::Explain(args) => explain::run(&context, args),
         }

@@ -1,4 +1,4 @@
-//! relMSE, trimmed relMSE, fireflies and PSNR.
+//! relMSE, trimmed relMSE, fireflies and PSNR; maps of the relative error.
 
 use crate::error::Error;
 use crate::tone::{Tone, luminance};
@@ -65,6 +65,29 @@ pub fn rel_mse(picture: &Plane<Rgb>, reference: &Plane<Rgb>) -> Result<RelMse, E
     Ok(RelMse { mean, trimmed, fireflies })
 }
 
+/// The root of every pixel's part in [`rel_mse`], cut at 1: 0 where the picture is right, 1 where it is off by its own
+/// brightness. For error maps.
+///
+/// # Errors
+/// [`Error::Size`], [`Error::Empty`].
+pub fn rel_error_map(picture: &Plane<Rgb>, reference: &Plane<Rgb>) -> Result<Plane<f32>, Error> {
+    Error::same_size("picture", picture.size(), reference.size())?;
+    let pixels = reference.data().len() as f64;
+    let mean = reference.data().iter().map(|&c| f64::from(luminance(c))).sum::<f64>() / pixels;
+    let epsilon = (EPSILON_PART * mean * mean).max(f64::MIN_POSITIVE);
+    Ok(Plane::from_fn(reference.size(), |x, y| {
+        let (d, r) = (picture.at(x, y), reference.at(x, y));
+        let sum: f64 = (0..3)
+            .map(|c| {
+                let (d, r) = (f64::from(d[c]), f64::from(r[c]));
+                (d - r) * (d - r) / (r * r + epsilon)
+            })
+            .sum();
+        // f64::min takes the 1 where the sum is NaN.
+        (sum / 3.0).sqrt().min(1.0) as f32
+    }))
+}
+
 /// Peak signal-to-noise ratio after the report's tone curve, in dB: -10 log10 of the mean squared difference of the
 /// sRGB values in 0..1 (not rounded to 8 bits). Infinite where the pictures are equal.
 ///
@@ -112,6 +135,18 @@ mod tests {
         // Three bad pixels of 1600 are more than 0.1 % (two): the trimmed mean sees the least of them.
         picture.set(20, 20, [2.0; 3]);
         assert!(rel_mse(&picture, &reference).unwrap().trimmed > 0.0);
+    }
+
+    #[test]
+    fn the_map_adds_up_to_the_mean() {
+        let size = Size::new(13, 11);
+        let reference = Plane::from_fn(size, |x, y| [x as f32 + 1.0, y as f32 + 2.0, 3.0]);
+        let mut picture = Plane::from_fn(size, |x, y| reference.at(x, y).map(|v| v * 1.1 + 0.01 * x as f32));
+        let map = rel_error_map(&picture, &reference).unwrap();
+        let mean = map.data().iter().map(|&v| f64::from(v * v)).sum::<f64>() / size.pixels() as f64;
+        assert!((mean / rel_mse(&picture, &reference).unwrap().mean - 1.0).abs() < 1e-5);
+        picture.set(0, 0, [f32::NAN; 3]);
+        assert_eq!(rel_error_map(&picture, &reference).unwrap().at(0, 0), 1.0);
     }
 
     #[test]

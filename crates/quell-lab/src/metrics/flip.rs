@@ -307,7 +307,7 @@ fn kernel(radius: i32, f: impl Fn(f64) -> f64) -> Vec<f64> {
 
 /// The rows with `horizontal`, then the columns with `vertical`; beyond the edge the last pixel repeats. Both kernels
 /// are mirrored as in a correlation: element k weighs the pixel k - radius to the right of, or below, the centre.
-fn convolved(source: &Channel, horizontal: &[f32], vertical: &[f32]) -> Channel {
+pub(crate) fn convolved(source: &Channel, horizontal: &[f32], vertical: &[f32]) -> Channel {
     let Size { width, height } = source.size();
     let radius = horizontal.len() / 2;
     let mut rows = Plane::filled(source.size(), 0.0);

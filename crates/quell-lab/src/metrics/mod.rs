@@ -1,7 +1,8 @@
 //! How far a picture is from its reference (evaluation.md, section 2).
 //!
 //! ```text
-//! error.rs   relMSE, trimmed relMSE, fireflies, PSNR
+//! error.rs   relMSE, trimmed relMSE, fireflies, PSNR; maps of the relative error
+//! ssim.rs    SSIM
 //! energy.rs  sum of the picture over sum of the reference, in total and by region
 //! flip.rs    FLIP and HDR-FLIP
 //! ```
@@ -12,10 +13,12 @@
 pub mod energy;
 pub mod error;
 pub mod flip;
+pub mod ssim;
 
 pub use energy::{RegionEnergy, energy, energy_by_region, grid_regions};
-pub use error::{RelMse, psnr, rel_mse};
+pub use error::{RelMse, psnr, rel_error_map, rel_mse};
 pub use flip::{Exposures, FlipMap, PIXELS_PER_DEGREE, hdr_flip, ldr_flip};
+pub use ssim::{Ssim, ssim};
 
 use crate::error::Error;
 use crate::tone::Tone;
@@ -37,6 +40,13 @@ pub struct FrameScores {
     pub psnr: f64,
     /// Sum of the picture over sum of the reference; 1 is right.
     pub energy: f64,
+    /// Structural similarity of the tone-mapped luma (see [`ssim()`]); 1 is equal, higher is better.
+    /// NaN (null in JSON) where an older report does not tell.
+    #[serde(default = "unknown", with = "unknown_as_null")]
+    pub ssim: f64,
+    /// Mean FLIP of the tone-mapped picture, 0..1; lower is better. NaN likewise.
+    #[serde(default = "unknown", with = "unknown_as_null")]
+    pub ldr_flip: f64,
     /// Mean HDR-FLIP, 0..1; lower is better.
     pub hdr_flip: f64,
 }
@@ -54,12 +64,15 @@ impl FrameScores {
     ) -> Result<(Self, FlipMap), Error> {
         let relative = rel_mse(picture, reference)?;
         let flip = hdr_flip(picture, reference, exposures)?;
+        let shown = |p: &Plane<Rgb>| Plane::from_fn(p.size(), |x, y| tone.display_linear(p.at(x, y)));
         let scores = Self {
             rel_mse: relative.mean,
             rel_mse_trimmed: relative.trimmed,
             fireflies: relative.fireflies as f64,
             psnr: psnr(picture, reference, tone)?,
             energy: energy(picture, reference)?,
+            ssim: ssim(picture, reference, tone)?.mean,
+            ldr_flip: ldr_flip(&shown(picture), &shown(reference))?.mean,
             hdr_flip: flip.mean,
         };
         Ok((scores, flip))
@@ -78,6 +91,8 @@ pub fn mean_scores(frames: &[FrameScores]) -> Option<FrameScores> {
         fireflies: mean(|s| s.fireflies),
         psnr: mean(|s| s.psnr),
         energy: mean(|s| s.energy),
+        ssim: mean(|s| s.ssim),
+        ldr_flip: mean(|s| s.ldr_flip),
         hdr_flip: mean(|s| s.hdr_flip),
     })
 }
@@ -92,5 +107,22 @@ mod infinite_as_null {
 
     pub fn deserialize<'de, D: Deserializer<'de>>(deserializer: D) -> Result<f64, D::Error> {
         Ok(Option::deserialize(deserializer)?.unwrap_or(f64::INFINITY))
+    }
+}
+
+fn unknown() -> f64 {
+    f64::NAN
+}
+
+/// JSON has no NaN.
+mod unknown_as_null {
+    use serde::{Deserialize, Deserializer, Serializer};
+
+    pub fn serialize<S: Serializer>(value: &f64, serializer: S) -> Result<S::Ok, S::Error> {
+        if value.is_nan() { serializer.serialize_none() } else { serializer.serialize_f64(*value) }
+    }
+
+    pub fn deserialize<'de, D: Deserializer<'de>>(deserializer: D) -> Result<f64, D::Error> {
+        Ok(Option::deserialize(deserializer)?.unwrap_or(f64::NAN))
     }
 }

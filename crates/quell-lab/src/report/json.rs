@@ -205,6 +205,8 @@ mod tests {
             fireflies: 0.0,
             psnr: f64::INFINITY,
             energy: 1.0,
+            ssim: 0.9,
+            ldr_flip: 0.1,
             hdr_flip: 0.1,
         };
         report.metrics.push(MethodScores {

@@ -53,14 +53,28 @@ impl std::fmt::Display for Table {
 
 /// Scores of every method, one row each; the improvement of trimmed relMSE is against the first.
 pub fn metrics_table(metrics: &[MethodScores]) -> Table {
-    let mut table =
-        Table::new(["method", "relMSE", "trimmed", "better", "PSNR dB", "HDR-FLIP", "energy", "fireflies", "frames"]);
+    let mut table = Table::new([
+        "method",
+        "relMSE",
+        "trimmed",
+        "better",
+        "PSNR dB",
+        "SSIM",
+        "FLIP",
+        "HDR-FLIP",
+        "energy",
+        "fireflies",
+        "frames",
+    ]);
     let first = metrics.first().and_then(|m| m.mean).map(|m| m.rel_mse_trimmed);
     for method in metrics {
         let frames = method.frames.len().to_string();
         let Some(mean) = method.mean else {
             let none = || "-".to_owned();
-            table.push([method.method.clone(), none(), none(), none(), none(), none(), none(), none(), frames]);
+            let mut cells = vec![method.method.clone()];
+            cells.extend((0..9).map(|_| none()));
+            cells.push(frames);
+            table.rows.push(cells);
             continue;
         };
         table.push([
@@ -69,6 +83,8 @@ pub fn metrics_table(metrics: &[MethodScores]) -> Table {
             significant(mean.rel_mse_trimmed),
             first.map_or("-".to_owned(), |first| format!("{:.1}x", first / mean.rel_mse_trimmed)),
             format!("{:.2}", mean.psnr),
+            format!("{:.4}", mean.ssim),
+            format!("{:.4}", mean.ldr_flip),
             format!("{:.4}", mean.hdr_flip),
             format!("{:.4}", mean.energy),
             format!("{:.1}", mean.fireflies),
@@ -126,7 +142,16 @@ mod tests {
     #[test]
     fn tables_line_up() {
         let scores = |v: f64| {
-            Some(FrameScores { rel_mse: v, rel_mse_trimmed: v, fireflies: 2.0, psnr: 20.0, energy: 1.0, hdr_flip: 0.2 })
+            Some(FrameScores {
+                rel_mse: v,
+                rel_mse_trimmed: v,
+                fireflies: 2.0,
+                psnr: 20.0,
+                energy: 1.0,
+                ssim: 0.9,
+                ldr_flip: 0.1,
+                hdr_flip: 0.2,
+            })
         };
         let method = |name: &str, mean| MethodScores { method: name.to_owned(), mean, frames: Vec::new() };
         let table = metrics_table(&[method("noisy", scores(0.5)), method("quell:paper", scores(0.0125))]).to_string();

@@ -1,82 +1,31 @@
 //! The scorecard: ten figures for the artefacts of a denoised sequence (docs/scorecard.md).
 //!
+//! ```text
+//! score.rs        a score, and the ten of them
+//! bands.rs        Gaussians, plain and edge-stopping; the fine band and the band of blotches
+//! surfaces.rs     what the guides tell: same surface or not, where it was a frame ago
+//! history.rs      a pixel's past: its age, the stale light of a history without rejection
+//! fit.rs          least squares with the reference's halves as instruments
+//! instruments.rs  all that depends on the references only
+//! measure.rs      a result against the instruments
+//! lag.rs          how long indirect light takes to follow a change of the lamps
+//! injection.rs    artefacts of known kind and strength, by which the definitions are tried
+//! matrix.rs       what each score answers to each artefact, at equal HDR-FLIP
+//! ```
+//!
 //! [`Instruments`] are made once a sequence, from the references and the noise-free guides; [`Instruments::score`] then
 //! reads any number of results against them.
 
+mod bands;
+mod fit;
+mod history;
+pub mod injection;
+mod instruments;
+mod lag;
+pub mod matrix;
+mod measure;
 pub mod score;
+mod surfaces;
 
+pub use instruments::{Instruments, ReferenceFrame};
 pub use score::{Score, Scores};
-
-use crate::error::Error;
-use quell::{FrameBuf, Plane, Rgb, Size};
-
-/// One frame of the sequence as the instruments read it. Frames follow each other by one, without cuts.
-#[derive(Clone, Copy, Debug)]
-pub struct ReferenceFrame<'a> {
-    /// Guides (depth, normal, id, motion, cameras), weights and `direct`, all without noise. Its signals are not read.
-    pub frame: &'a FrameBuf,
-    /// The converged picture, half A, scene-linear.
-    pub a: &'a Plane<Rgb>,
-    /// Half B, whose noise is independent of A's. `None`: there is one reference only, and floors are given.
-    pub b: Option<&'a Plane<Rgb>>,
-    /// The direct term within `a`; `None`: `frame.direct`. Read by flatness and lag.
-    pub a_direct: Option<&'a Plane<Rgb>>,
-    /// The direct term within `b`, likewise.
-    pub b_direct: Option<&'a Plane<Rgb>>,
-    /// Whether the frame counts. `false`: warm-up, which serves as the past of later frames only.
-    pub scored: bool,
-}
-
-impl<'a> ReferenceFrame<'a> {
-    /// A scored frame with one reference.
-    pub fn new(frame: &'a FrameBuf, a: &'a Plane<Rgb>) -> Self {
-        Self { frame, a, b: None, a_direct: None, b_direct: None, scored: true }
-    }
-}
-
-/// Everything of a sequence that does not depend on the result that is scored.
-#[derive(Debug)]
-pub struct Instruments {
-    size: Size,
-    frames: usize,
-}
-
-impl Instruments {
-    /// Reads the references of a sequence, in order.
-    ///
-    /// # Errors
-    /// [`Error::Empty`] without frames, [`Error::Size`] where pictures differ in extent.
-    pub fn new(frames: &[ReferenceFrame<'_>]) -> Result<Self, Error> {
-        let first = frames.first().ok_or_else(|| Error::Empty { what: "the sequence has no frame".to_owned() })?;
-        let size = first.a.size();
-        for f in frames {
-            Error::same_size("guides", f.frame.size, size)?;
-            for (what, plane) in [
-                ("reference", Some(f.a)),
-                ("half B of the reference", f.b),
-                ("direct term of the reference", f.a_direct),
-                ("direct term of half B", f.b_direct),
-            ] {
-                if let Some(plane) = plane {
-                    Error::same_size(what, plane.size(), size)?;
-                }
-            }
-        }
-        Ok(Self { size, frames: frames.len() })
-    }
-
-    /// Scores a result: one picture for each frame given to [`Instruments::new`], scene-linear.
-    ///
-    /// # Errors
-    /// [`Error::Empty`] where the numbers of frames differ, [`Error::Size`] where pictures differ in extent.
-    pub fn score(&self, pictures: &[Plane<Rgb>]) -> Result<Scores, Error> {
-        if pictures.len() != self.frames {
-            let what = format!("{} pictures cannot be scored against {} references", pictures.len(), self.frames);
-            return Err(Error::Empty { what });
-        }
-        for picture in pictures {
-            Error::same_size("picture", picture.size(), self.size)?;
-        }
-        Ok(Scores::all_null("not measured yet"))
-    }
-}

@@ -8,4 +8,6 @@ mod metrics;
 mod oidn;
 mod player;
 mod references;
+mod scorecard;
 mod sequences;
+mod synthetic;

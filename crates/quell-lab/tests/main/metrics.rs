@@ -1,8 +1,8 @@
-//! Metrics against independent implementations: the numbers are printed by `tests/scripts/flip_reference.py`, which makes
+//! Metrics against independent implementations: the numbers are printed by `tests/scripts/metrics_reference.py`, which makes
 //! the same pictures by the same formulas.
 
 use quell::{Plane, Rgb, Size};
-use quell_lab::metrics::{Exposures, hdr_flip, ldr_flip, psnr, rel_mse};
+use quell_lab::metrics::{Exposures, FrameScores, energy, hdr_flip, ldr_flip, psnr, rel_mse, ssim};
 use quell_lab::tone::Tone;
 
 const SIZE: Size = Size::new(97, 61);
@@ -103,4 +103,49 @@ fn rel_mse_and_psnr_agree_with_numpy() {
         three_digits(name, found.trimmed, trimmed);
         three_digits(name, psnr(picture, &p.reference_hdr, Tone::default()).unwrap(), decibels);
     }
+}
+
+#[test]
+fn ssim_agrees_with_scikit_image() {
+    let p = pictures();
+    let tone = Tone::default();
+    three_digits("noisy", ssim(&p.noisy_hdr, &p.reference_hdr, tone).unwrap().mean, 0.612292);
+    three_digits("blurred", ssim(&p.blurred_hdr, &p.reference_hdr, tone).unwrap().mean, 0.988619);
+    // A canary: another exposure is another picture.
+    let other = ssim(&p.noisy_hdr, &p.reference_hdr, Tone { exposure: 2.0 }).unwrap().mean;
+    assert!((other / 0.612292 - 1.0).abs() > 0.002, "{other}");
+}
+
+#[test]
+fn energy_and_fireflies_agree_with_numpy() {
+    let p = pictures();
+    three_digits("noisy", energy(&p.noisy_hdr, &p.reference_hdr).unwrap(), 1.009469);
+    three_digits("blurred", energy(&p.blurred_hdr, &p.reference_hdr).unwrap(), 0.999467);
+    let mut spotted = p.reference_hdr.clone();
+    for (x, y, v) in [(5, 5, 400.0), (50, 40, 900.0), (90, 7, 5000.0), (30, 30, 0.0)] {
+        spotted.set(x, y, [v; 3]);
+    }
+    let found = rel_mse(&spotted, &p.reference_hdr).unwrap();
+    three_digits("spotted", found.mean, 83528.100005);
+    assert_eq!((found.trimmed, found.fireflies), (0.0, 3));
+}
+
+#[test]
+fn a_frames_scores_are_those_of_the_single_metrics() {
+    let p = pictures();
+    let exposures = Exposures { start: -4.0, stop: 2.0, count: 6 };
+    let (scores, map) = FrameScores::measure(&p.noisy_hdr, &p.reference_hdr, Tone::default(), &exposures).unwrap();
+    for (name, found, expected) in [
+        ("relMSE", scores.rel_mse, 0.039182),
+        ("trimmed", scores.rel_mse_trimmed, 0.039087),
+        ("PSNR", scores.psnr, 26.17199),
+        ("SSIM", scores.ssim, 0.612292),
+        ("FLIP", scores.ldr_flip, 0.112207),
+        ("HDR-FLIP", scores.hdr_flip, 0.145697),
+        ("HDR-FLIP's map", map.mean, 0.145697),
+        ("energy", scores.energy, 1.009469),
+    ] {
+        three_digits(name, found, expected);
+    }
+    assert_eq!(scores.fireflies, 0.0);
 }

@@ -1,11 +1,13 @@
 """Numbers of tests/main/metrics.rs from independent implementations.
 
-FLIP and HDR-FLIP: the authors' own program (PyPI `flip-evaluator`); relMSE and PSNR: numpy, from the definitions.
-Pictures are made by formula, the same in the test. Run: python flip_reference.py
+FLIP and HDR-FLIP: the authors' own program (PyPI `flip-evaluator`); SSIM: PyPI `scikit-image`; relMSE, fireflies, energy
+and PSNR: numpy, from the definitions. Pictures are made by formula, the same in the test.
+Run: python metrics_reference.py
 """
 
 import flip_evaluator as flip
 import numpy as np
+from skimage.metrics import peak_signal_noise_ratio, structural_similarity
 
 WIDTH, HEIGHT = 97, 61
 
@@ -60,6 +62,32 @@ def psnr(picture, reference):
     return -10.0 * np.log10(((tone(picture) - tone(reference)) ** 2).mean())
 
 
+LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
+
+
+def ssim(picture, reference):
+    """Of the luma as it is shown; window, constants and border as in the paper of 2004."""
+    a, b = tone(picture) @ LUMINANCE, tone(reference) @ LUMINANCE
+    return structural_similarity(
+        a, b, data_range=1.0, gaussian_weights=True, sigma=1.5, use_sample_covariance=False
+    )
+
+
+def spotted(reference):
+    """Three pixels far too bright, one black."""
+    picture = reference.copy()
+    for x, y, v in [(5, 5, 400.0), (50, 40, 900.0), (90, 7, 5000.0)]:
+        picture[y, x] = v
+    picture[30, 30] = 0.0
+    return picture
+
+
+def fireflies(picture, reference):
+    d, r = picture.astype(np.float64) @ LUMINANCE, reference.astype(np.float64) @ LUMINANCE
+    limit = 10.0 * np.sort(r.ravel())[int((r.size - 1) * 0.999)]
+    return int((np.abs(d - r) > limit).sum())
+
+
 def main():
     reference, noisy, blurred, reference_hdr, noisy_hdr, blurred_hdr = pictures()
     for name, picture in [("noisy", noisy), ("blurred", blurred)]:
@@ -73,7 +101,20 @@ def main():
         )
         print(f"hdr {name}: {mean:.6f}; at (30, 20): {error[20, 30].item():.6f}, at (60, 25): {error[25, 60].item():.6f}")
         print(f"relMSE {name}: mean %.6f, trimmed %.6f" % rel_mse(picture, reference_hdr))
-        print(f"PSNR {name}: {psnr(picture, reference_hdr):.5f}")
+        shown, shown_reference = tone(picture), tone(reference_hdr)
+        by_skimage = peak_signal_noise_ratio(shown_reference, shown, data_range=1.0)
+        print(f"PSNR {name}: {psnr(picture, reference_hdr):.5f}; by scikit-image: {by_skimage:.5f}")
+        print(f"SSIM {name}: {ssim(picture, reference_hdr):.6f}")
+        print(f"energy {name}: {picture.astype(np.float64).sum() / reference_hdr.astype(np.float64).sum():.6f}")
+        linear = lambda p: np.where(tone(p) <= 0.04045, tone(p) / 12.92, ((tone(p) + 0.055) / 1.055) ** 2.4)
+        _, mean, _ = flip.evaluate(
+            linear(reference_hdr).astype(np.float32), linear(picture).astype(np.float32), "LDR", inputsRGB=False,
+            applyMagma=False
+        )
+        print(f"FLIP of the tone-mapped {name}: {mean:.6f}")
+    picture = spotted(reference_hdr)
+    print("spotted: relMSE %.6f, trimmed %.6f" % rel_mse(picture, reference_hdr), end="")
+    print(f", fireflies {fireflies(picture, reference_hdr)}")
     _, mean, used = flip.evaluate(reference_hdr, noisy_hdr, "HDR", applyMagma=False)
     print(f"hdr noisy, automatic exposures: {mean:.6f} with {used}")
 
