@@ -5,6 +5,7 @@
 //! scorecard/     ten figures for the artefacts of a sequence: blur, ghosting, flicker, boiling and so on
 //! compare/       methods side by side: sequences with references, the runner, scores
 //! methods/       everything that is compared: the noisy input, quell, the baselines
+//! reproduce/     what the talk's slides show, made anew
 //! tone.rs        the one tone curve of every picture that is looked at, and PNG
 //! report/        the JSON report, the table in the terminal, the player page, the animated strip
 //! cache.rs       references on disk: found by hash, never half written
@@ -18,6 +19,7 @@ pub mod methods;
 pub mod metrics;
 pub mod references;
 pub mod report;
+pub mod reproduce;
 pub mod scorecard;
 pub mod tone;
 

@@ -81,6 +81,7 @@ pub enum Command {
     Scenes(ScenesArgs),
     Score(ScoreArgs),
     Bench(BenchArgs),
+    Reproduce(ReproduceArgs),
     Explain(ExplainArgs),
 }
 
@@ -161,7 +162,7 @@ pub struct SamplingArgs {
     /// exact (converges to the full integral) or paper (as published)
     #[arg(long, value_name = "NAME", default_value = "exact", value_parser = values::estimator)]
     pub estimator: Estimator,
-    /// Samples a pixel; each is one matte and one glossy path
+    /// Samples a pixel; each is one matte and one glossy path. From 2 on, frames hold two halves and variances too
     #[arg(long, value_name = "N", default_value = "1", value_parser = values::at_least_one::<u32>)]
     pub spp: u32,
     /// Scatterings of a path after the surface that is seen
@@ -224,6 +225,48 @@ pub struct BenchArgs {
     /// Frames to measure, after one to warm up; fewer where they take longer than a minute
     #[arg(long, value_name = "N", default_value = "10", value_parser = values::at_least_one::<u32>)]
     pub count: u32,
+}
+
+/// Make the talk's tables and figures anew: stage times, the offline table, the ablations, more paths
+#[derive(Debug, Args)]
+#[command(before_help = "Example: quell reproduce -o quell-paper")]
+pub struct ReproduceArgs {
+    /// Folder to write to; an interrupted run goes on from what lies there
+    #[arg(short, long, value_name = "DIR", default_value = "quell-paper")]
+    pub output: PathBuf,
+    /// Parts to make: stages, offline, ablations, paths [default: all]
+    #[arg(long, value_name = "LIST", value_delimiter = ',')]
+    pub only: Vec<ReproducePart>,
+    /// Extent of the sequences
+    #[arg(long, value_name = "WIDTHxHEIGHT", default_value = "240x135", value_parser = values::size)]
+    pub size: Size,
+    /// Extent of the offline table's frames, up to the talk's 5120x2880 [default: as --size]
+    #[arg(long, value_name = "WIDTHxHEIGHT", value_parser = values::size)]
+    pub offline_size: Option<Size>,
+    /// Extent for the table of stage times
+    #[arg(long, value_name = "WIDTHxHEIGHT", default_value = "1280x720", value_parser = values::size)]
+    pub stages_size: Size,
+    /// Frames of the sequences
+    #[arg(long, value_name = "N", default_value = "48", value_parser = values::at_least_one::<u32>)]
+    pub count: u32,
+    /// Camera of every scene, from 1; settings were fitted on 1 to 3
+    #[arg(long, value_name = "N", default_value = "4")]
+    pub camera: usize,
+    /// Seed of the noisy frames
+    #[arg(long, value_name = "N", default_value = "7")]
+    pub seed: u64,
+    /// Samples a pixel of references, both halves together; 0: no references and no figures of quality
+    #[arg(long, value_name = "N", default_value = "256")]
+    pub reference_spp: u32,
+}
+
+/// A part of the page.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+pub enum ReproducePart {
+    Stages,
+    Offline,
+    Ablations,
+    Paths,
 }
 
 /// Print the pipeline as it will run, with every parameter; or what a scene holds

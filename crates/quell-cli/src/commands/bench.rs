@@ -12,6 +12,7 @@ use crate::sequence::times::{StageClock, paper_number};
 use quell::pipeline::{Inputs, Plan, Stage};
 use quell::{Denoiser, FrameBuf, Size};
 use quell_lab::report::StageTime;
+use quell_lab::report::document::Section;
 use quell_lab::report::table::Table;
 use quell_trace::{Control, RenderOptions, Tracer, builtin};
 use serde_json::{Map, Value, json};
@@ -21,6 +22,8 @@ use std::time::{Duration, Instant};
 const LONGEST: Duration = Duration::from_secs(60);
 /// Fewer than these make no median.
 const LEAST_FRAMES: usize = 3;
+/// Frames that the table on a page is measured with.
+const SECTION_FRAMES: u32 = 10;
 /// Extent that the talk's table is for.
 const PAPER_SIZE: Size = Size { width: 1280, height: 720 };
 
@@ -94,6 +97,24 @@ pub fn run(context: &Context, args: BenchArgs) -> Result<(), Failure> {
     further.insert("sizes".to_owned(), runs.into());
     further.insert("copy_gigabytes_per_second".to_owned(), gigabytes_a_second.into());
     context.finish(&report, further, &text)
+}
+
+/// The talk's table of stages at one extent, as a section of a page.
+pub fn section(context: &Context, size: Size) -> Result<(Section, Vec<StageTime>), Failure> {
+    let args = BenchArgs { scene: None, size: vec![size], count: SECTION_FRAMES };
+    let measured = measure(context, &mut synthetic::frame(size), &args)?;
+    let stages = with_floors(measured.clock.stages(), context, size, copy_speed());
+    let section = Section {
+        heading: "Stage times".to_owned(),
+        text: vec![format!(
+            "{size}, {} frames of made-up guides and noise, back end {}. The paper's times are of a GPU of 2017 at {PAPER_SIZE}.",
+            measured.frames,
+            backend_name(context.backend)
+        )],
+        tables: vec![("Median, least and largest time of a frame.".to_owned(), table(&stages, size))],
+        ..Section::default()
+    };
+    Ok((section, stages))
 }
 
 struct Measured {

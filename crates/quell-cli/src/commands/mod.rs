@@ -5,6 +5,7 @@ mod compare;
 mod demo;
 mod explain;
 mod render;
+mod reproduce;
 mod scenes;
 mod score;
 
@@ -43,6 +44,7 @@ pub fn run(cli: Cli) -> Result<(), Failure> {
             Command::Scenes(_) => scenes::run(&context),
             Command::Score(args) => score::run(&context, args),
             Command::Bench(args) => bench::run(&context, args),
+            Command::Reproduce(args) => reproduce::run(&context, args),
             Command::Explain(args) => explain::run(&context, args),
         }
     };

@@ -67,6 +67,7 @@ pub fn options(size: Size, sampling: &SamplingArgs) -> Result<RenderOptions, Fai
         jitter: sampling.jitter,
         indirect_clamp: sampling.indirect_clamp,
         variances: sampling.spp > 1,
+        halves: sampling.spp > 1,
         ..defaults
     })
 }

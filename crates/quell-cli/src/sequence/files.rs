@@ -5,7 +5,7 @@ use crate::output;
 use quell::{Frame, Output, Plane, Rgb};
 use quell_frames::{Content, FrameToWrite, Half, Metadata, Precision, WriteOptions, frame_path, write_frame};
 use quell_lab::tone::{Picture, Tone};
-use quell_trace::Reference;
+use quell_trace::{HalfSignals, Reference};
 use std::path::{Path, PathBuf};
 
 pub const NOISY: &str = "noisy";
@@ -80,15 +80,27 @@ impl Files {
         Ok(Some(picture))
     }
 
-    /// The frame as traced. Returns how many colours did not fit half float, here and below.
+    /// The frame as traced, with the two halves of its samples where there are any. Returns how many colours did not
+    /// fit half float, here and below.
     pub fn noisy(
         &self,
         frame: Frame<'_>,
         composite: &Plane<Rgb>,
+        halves: Option<&[HalfSignals; 2]>,
         labels: &Labels,
     ) -> Result<usize, quell_frames::Error> {
         let metadata = labels.metadata(Content::Noisy);
-        self.write(NOISY, &FrameToWrite { composite: Some(composite.view()), metadata, ..FrameToWrite::new(frame) })
+        let halves = halves.map_or([Half::default(); 2], |halves| {
+            halves.each_ref().map(|h| Half {
+                composite: None,
+                matte: Some(h.matte.view()),
+                glossy: Some(h.glossy.view()),
+            })
+        });
+        self.write(
+            NOISY,
+            &FrameToWrite { composite: Some(composite.view()), halves, metadata, ..FrameToWrite::new(frame) },
+        )
     }
 
     /// The filtered frame: guides as they were, signals and picture filtered.

@@ -237,7 +237,7 @@ impl Job {
         let tone = self.tone();
         let labels = self.labels(context);
 
-        run.clamped_to_half += self.files.noisy(frame, &noisy, &labels)?;
+        run.clamped_to_half += self.files.noisy(frame, &noisy, rendered.halves.as_ref(), &labels)?;
         let picture = self.files.picture(files::NOISY, number, &noisy, tone)?;
         run.noisy[index] = picture.filter(|_| kept);
 

@@ -52,7 +52,7 @@ impl Drop for Folder {
     }
 }
 
-const COMMANDS: [&str; 7] = ["demo", "render", "compare", "score", "scenes", "bench", "explain"];
+const COMMANDS: [&str; 8] = ["demo", "render", "compare", "score", "scenes", "bench", "reproduce", "explain"];
 /// The smallest run that has everything.
 const SMALL: [&str; 6] = ["render", "cornell-box", "--size", "48x27", "--direct-samples", "2"];
 
@@ -261,6 +261,26 @@ fn no_denoise_and_quiet_do_what_they_say() {
     assert!(folder.files("out/denoised").is_empty());
 }
 
+#[test]
+fn more_than_one_sample_brings_two_halves_and_variances() {
+    let folder = Folder::new("halves");
+    for (spp, halves) in [("1", false), ("2", true)] {
+        let mut arguments = SMALL.to_vec();
+        arguments.extend(["-o", spp, "--spp", spp, "--frames", "3", "--no-denoise"]);
+        let output = run(&folder.0, &arguments);
+        assert_eq!(output.status.code(), Some(0), "{}", err(&output));
+        let path = quell_frames::frame_path(&folder.0.join(spp).join("noisy"), "noisy", 3);
+        let file = quell_frames::read_frame(&path).expect("quell's own file");
+        assert_eq!(file.frame.matte_variance.is_some(), halves);
+        let [a, b] = file.halves.map(|h| h.matte);
+        assert_eq!((a.is_some(), b.is_some()), (halves, halves));
+        if let (Some(a), Some(b), Some(mean)) = (a, b, file.frame.matte) {
+            let off = |i: usize| (0.5 * (a.data()[i][0] + b.data()[i][0]) - mean.data()[i][0]).abs();
+            assert!((0..mean.data().len()).all(|i| off(i) <= 1e-4 * (1.0 + mean.data()[i][0].abs())));
+        }
+    }
+}
+
 /// Odd requests end with a picture or with a message, never with a panic.
 #[test]
 fn extremes_neither_panic_nor_fail() {
@@ -286,6 +306,33 @@ fn extremes_neither_panic_nor_fail() {
         assert!(matches!(output.status.code(), Some(0 | 1)), "{frame}: {}", err(&output));
         assert!(!err(&output).contains("panicked"), "{}", err(&output));
     }
+}
+
+#[test]
+fn reproduce_writes_one_page_with_all_parts() {
+    let folder = Folder::new("reproduce");
+    let small = ["--size", "24x16", "--offline-size", "24x16", "--stages-size", "32x18", "--count", "3"];
+    let mut arguments = vec!["reproduce", "-o", "out", "--reference-spp", "2", "--json", "-q"];
+    arguments.extend(small);
+    let output = run(&folder.0, &arguments);
+    assert_eq!(output.status.code(), Some(0), "{}", err(&output));
+    let value: Value = serde_json::from_str(&out(&output)).expect("JSON");
+    // Five scenes with the noisy picture and four methods each; three scenes with six ablations and the whole.
+    assert_eq!(value["offline"].as_array().map(Vec::len), Some(25));
+    assert_eq!(value["ablations"].as_array().map(Vec::len), Some(21));
+    assert_eq!(value["paths"].as_array().map(Vec::len), Some(8));
+    assert!(value["stages"][1]["milliseconds"]["median"].as_f64().expect("a time") > 0.0);
+    let nfor = &value["offline"][3];
+    assert_eq!(nfor["method"], "nfor");
+    assert!(nfor["missing"].is_null() && nfor["hdr_flip"].is_number(), "{nfor}");
+    let page = std::fs::read_to_string(folder.0.join("out/index.html")).expect("a page");
+    for heading in ["Stage times", "Offline: one frame", "Ablations", "More paths, or a filter"] {
+        assert!(page.contains(heading), "{heading}");
+    }
+    // An unknown part is a usage error that lists them.
+    let again = run(&folder.0, &["reproduce", "-o", "out", "--only", "everything"]);
+    assert_eq!(again.status.code(), Some(2));
+    assert!(err(&again).contains("ablations"), "{}", err(&again));
 }
 
 #[test]

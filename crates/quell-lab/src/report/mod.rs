@@ -1,15 +1,17 @@
 //! What a run says about itself: one JSON object, a table in the terminal, a page to look at, a strip for a README.
 //!
 //! ```text
-//! json.rs    `Report`: the one JSON type (interfaces.md, section 5)
+//! json.rs        `Report`: the one JSON type (interfaces.md, section 5)
+//! table.rs       metrics and stage times as text
+//! figures.rs     every figure of a comparison: tables, CSV, LaTeX
 //! comparison.rs  the page of a comparison
-//! figures.rs every figure of a comparison: tables, CSV, LaTeX
-//! table.rs   metrics and stage times as text
-//! player.rs  the self-contained page
-//! strip.rs   the animated picture
+//! player.rs      the page of a sequence
+//! document.rs    a page to read: tables and figures
+//! strip.rs       the animated picture
 //! ```
 
 pub mod comparison;
+pub mod document;
 pub mod figures;
 pub mod json;
 pub mod player;

@@ -28,7 +28,7 @@ pub struct Entry {
 }
 
 /// Bytes that the program's allocator has given out.
-struct Counted;
+pub struct Counted;
 
 impl Memory for Counted {
     fn allocated(&self) -> Option<usize> {
@@ -120,7 +120,7 @@ fn interrupted(finished: usize, of: usize) -> Failure {
 }
 
 /// Stands for this very program: a change of any filter changes its bytes, while its version stays for months.
-fn program() -> String {
+pub fn program() -> String {
     let bytes = std::env::current_exe().and_then(std::fs::read).unwrap_or_default();
     let hash = bytes.chunks(8).fold(0xcbf2_9ce4_8422_2325_u64, |hash, chunk| {
         let mut word = [0; 8];

@@ -9,7 +9,7 @@
 //! crops.rs     parts of pictures as PNG
 //! ```
 
-mod contest;
+pub mod contest;
 mod crops;
 mod page;
 mod source;

@@ -1,0 +1,123 @@
+//! What the talk's slides show, made anew: the offline table, the ablations as pictures and scorecard, 16 and 256 paths
+//! beside the denoised picture and the reference. Each part gives a [`Section`] of the page and rows for JSON.
+//!
+//! ```text
+//! offline.rs    one frame, 16 paths a pixel: NLM, WLR, NFOR and quell; time beside quality
+//! ablations.rs  sequences with one part of the algorithm left out
+//! paths.rs      more paths, or a filter
+//! ```
+
+pub mod ablations;
+pub mod offline;
+pub mod paths;
+
+use crate::cache::Cache;
+use crate::compare::memory::Memory;
+use crate::compare::{Runner, SceneSource, Sequence};
+use crate::error::Error;
+use crate::references::ReferenceTarget;
+use crate::report::document::Section;
+use quell::Size;
+use quell_trace::{RenderOptions, Scene};
+use std::path::Path;
+use std::sync::atomic::AtomicBool;
+
+/// What all parts share.
+#[derive(Clone, Copy)]
+pub struct Workshop<'a> {
+    /// Where noisy frames and finished pictures are kept.
+    pub folder: &'a Path,
+    /// Where references are kept.
+    pub cache: Option<&'a Cache>,
+    /// Stands for the program's version.
+    pub program: &'a str,
+    /// Measures memory.
+    pub memory: &'a dyn Memory,
+    /// Work ends soon after this turns true.
+    pub cancel: Option<&'a AtomicBool>,
+    /// Hears what is being done.
+    pub told: &'a (dyn Fn(&str) + Sync),
+}
+
+/// How a scene is looked at.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct View {
+    /// Extent of the pictures.
+    pub size: Size,
+    /// Camera, from 1.
+    pub camera: usize,
+    /// Seed of the noisy frames.
+    pub seed: u64,
+    /// Samples a pixel of each half of a reference; 0: no references, so no figures of quality.
+    pub reference_samples: u32,
+}
+
+/// A part of the page, and the same as rows.
+#[derive(Clone, Debug)]
+pub struct Part<R> {
+    /// For the page.
+    pub section: Section,
+    /// For JSON.
+    pub rows: Vec<R>,
+}
+
+impl Workshop<'_> {
+    /// Renders `frames` of a scene; `references` of them with references.
+    fn sequence(
+        &self,
+        scene: &Scene,
+        view: &View,
+        samples: u32,
+        frames: Vec<i64>,
+        references: Vec<i64>,
+        folder: &Path,
+    ) -> Result<Sequence, Error> {
+        let source = SceneSource {
+            scene,
+            camera: view.camera,
+            frames,
+            options: RenderOptions { samples, seed: view.seed, ..RenderOptions::new(view.size) },
+            target: ReferenceTarget { samples: view.reference_samples.max(1), ..ReferenceTarget::default() },
+            references: if view.reference_samples == 0 { Vec::new() } else { references },
+            cache: self.cache,
+            folder: Some(folder),
+        };
+        let name = &scene.name;
+        source.load(self.cancel, &|p| (self.told)(&format!("{name}: {} ({:.0} %)", p.note, 100.0 * p.share)))
+    }
+
+    fn runner<'b>(&'b self, folder: &'b Path) -> Runner<'b> {
+        Runner { folder, program: self.program, memory: self.memory, cancel: self.cancel }
+    }
+}
+
+/// A stop is passed on; anything else is one method's misfortune, and told.
+fn stopped(error: Error) -> Result<String, Error> {
+    if matches!(error, Error::Trace(quell_trace::TraceError::Cancelled)) { Err(error) } else { Ok(error.to_string()) }
+}
+
+/// A figure with three digits, or a dash.
+fn three(value: Option<f64>) -> String {
+    match value {
+        None => "-".to_owned(),
+        Some(v) if v == 0.0 => "0".to_owned(),
+        Some(v) => {
+            let digits = (2 - v.abs().log10().floor() as i32).clamp(0, 6) as usize;
+            format!("{v:.digits$}")
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn figures_have_three_digits() {
+        let cases = [(0.0123456, "0.0123"), (1.0, "1.00"), (123.4, "123"), (98765.0, "98765"), (1e-9, "0.000000")];
+        for (value, text) in cases {
+            assert_eq!(three(Some(value)), text);
+        }
+        assert_eq!(three(None), "-");
+    }
+}
