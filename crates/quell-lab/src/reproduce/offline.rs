@@ -92,7 +92,10 @@ pub fn offline(shop: &Workshop<'_>, scenes: &[Scene], view: &View, frame: i64) -
                     row.hdr_flip = mean.map(|m| m.hdr_flip);
                     section.figures.push(Figure {
                         title: format!("{}: {method}", scene.name),
-                        caption: format!("HDR-FLIP {}, {} s", three(row.hdr_flip), three(row.seconds)),
+                        caption: match row.seconds {
+                            Some(_) => format!("HDR-FLIP {}, {} s", three(row.hdr_flip), three(row.seconds)),
+                            None => format!("HDR-FLIP {}", three(row.hdr_flip)),
+                        },
                         picture: sequence.tone.picture(&finished.picture(0)?),
                     });
                 }
