@@ -100,7 +100,7 @@ fn stopped(error: Error) -> Result<String, Error> {
 fn three(value: Option<f64>) -> String {
     match value {
         None => "-".to_owned(),
-        Some(v) if v == 0.0 => "0".to_owned(),
+        Some(0.0) => "0".to_owned(),
         Some(v) => {
             let digits = (2 - v.abs().log10().floor() as i32).clamp(0, 6) as usize;
             format!("{v:.digits$}")
