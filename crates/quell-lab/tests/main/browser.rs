@@ -5,6 +5,7 @@ use std::io::{BufRead, BufReader, Read, Write};
 use std::net::TcpStream;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
+use std::sync::atomic::{AtomicU32, Ordering};
 use std::time::{Duration, Instant};
 
 /// Set to 1, a missing browser fails the tests instead of skipping them.
@@ -34,7 +35,10 @@ impl Browser {
             eprintln!("SKIPPED: no chromium with chromedriver on the PATH ({REQUIRE}=1 makes this an error)");
             return None;
         };
-        let profile = std::env::temp_dir().join(format!("quell-browser-{}-{width}", std::process::id()));
+        // Browsers of tests that run side by side may not share a profile: the second would end at once.
+        static STARTED: AtomicU32 = AtomicU32::new(0);
+        let number = STARTED.fetch_add(1, Ordering::Relaxed);
+        let profile = std::env::temp_dir().join(format!("quell-browser-{}-{number}", std::process::id()));
         let mut driver = Command::new(driver)
             .arg("--port=0")
             .stdout(Stdio::piped())
