@@ -144,7 +144,8 @@ fn target(rows: &[Row]) -> Table {
                     scene.to_owned(),
                     three(Some(whole)),
                     three(Some(without)),
-                    three(Some(ratio)),
+                    // Shares can be 0: then the ratio says no more than that.
+                    if ratio > 100.0 { "> 100".to_owned() } else { three(Some(ratio)) },
                     if ratio >= WORSE_BY { "met" } else { "missed" }.to_owned(),
                 ],
                 None => {
