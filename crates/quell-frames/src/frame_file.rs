@@ -188,7 +188,7 @@ impl<'p> LayerWriter<'p> {
         match file.composite {
             Some(composite) => self.colour(c::COMPOSITE, Some(composite))?,
             None => {
-                let composite = composite(frame);
+                let composite = frame.composite();
                 self.colour(c::COMPOSITE, Some(composite.view()))?;
             }
         }
@@ -320,28 +320,6 @@ impl<'p> LayerWriter<'p> {
 
 fn pass_layer(signal: Signal, name: &str) -> String {
     format!("{}.{}.{name}", c::PASS, signal.name())
-}
-
-/// As `FrameBuf::composite`, of a borrowed frame.
-fn composite(frame: &Frame<'_>) -> Plane<Rgb> {
-    let terms = [
-        (frame.matte, frame.matte_weight),
-        (frame.glossy, frame.glossy_weight),
-        (frame.direct_matte, frame.matte_weight),
-        (frame.direct_glossy, frame.glossy_weight),
-    ];
-    Plane::from_fn(frame.size, |x, y| {
-        let mut sum = frame.direct.map_or([0.0; 3], |p| p.at(x, y));
-        for (light, weight) in terms {
-            let Some(light) = light else { continue };
-            let weight = weight.map_or([1.0; 3], |p| p.at(x, y));
-            let light = light.at(x, y);
-            for i in 0..3 {
-                sum[i] += weight[i] * light[i];
-            }
-        }
-        sum
-    })
 }
 
 fn header(path: &Path, file: &FrameToWrite<'_>, implied: &[&str]) -> Result<BTreeMap<String, AttributeValue>, Error> {

@@ -140,6 +140,30 @@ impl<'a> Frame<'a> {
         }
     }
 
+    /// Direct light plus every signal times its weight: the picture before any filter, linear RGB, of the frame's extent.
+    /// L = direct + matte_weight (M + direct_matte) + glossy_weight (G + direct_glossy); what is absent counts as the
+    /// field says.
+    pub fn composite(&self) -> Plane<Rgb> {
+        let terms = [
+            (self.matte, self.matte_weight),
+            (self.glossy, self.glossy_weight),
+            (self.direct_matte, self.matte_weight),
+            (self.direct_glossy, self.glossy_weight),
+        ];
+        Plane::from_fn(self.size, |x, y| {
+            let mut sum = self.direct.map_or([0.0; 3], |p| p.at(x, y));
+            for (light, weight) in terms {
+                let Some(light) = light else { continue };
+                let weight = weight.map_or([1.0; 3], |p| p.at(x, y));
+                let light = light.at(x, y);
+                for c in 0..3 {
+                    sum[c] += weight[c] * light[c];
+                }
+            }
+            sum
+        })
+    }
+
     /// Checks extents, cameras and exposure; pixel values are repaired and counted where the denoiser reads them.
     ///
     /// # Errors
@@ -300,25 +324,8 @@ impl FrameBuf {
         }
     }
 
-    /// Direct light plus every signal times its weight: the picture before any filter, linear RGB.
+    /// [`Frame::composite`] of this frame.
     pub fn composite(&self) -> Plane<Rgb> {
-        let terms = [
-            (&self.matte, &self.matte_weight),
-            (&self.glossy, &self.glossy_weight),
-            (&self.direct_matte, &self.matte_weight),
-            (&self.direct_glossy, &self.glossy_weight),
-        ];
-        Plane::from_fn(self.size, |x, y| {
-            let mut sum = self.direct.as_ref().map_or([0.0; 3], |p| p.at(x, y));
-            for (signal, weight) in terms {
-                let Some(signal) = signal else { continue };
-                let weight = weight.as_ref().map_or([1.0; 3], |p| p.at(x, y));
-                let signal = signal.at(x, y);
-                for c in 0..3 {
-                    sum[c] += weight[c] * signal[c];
-                }
-            }
-            sum
-        })
+        self.frame(&[]).composite()
     }
 }

@@ -49,7 +49,7 @@ pub struct Input<'a> {
 impl Input<'_> {
     /// The noisy picture from all samples, scene-linear.
     pub fn composite(&self) -> Plane<Rgb> {
-        composite(self.frame, self.frame.matte, self.frame.glossy)
+        self.frame.composite()
     }
 
     /// The noisy pictures from halves A and B; they share the direct term.
@@ -71,15 +71,9 @@ impl Input<'_> {
     }
 }
 
-/// direct + matte_weight `matte` + glossy_weight `glossy`.
+/// The frame's picture with other signals in place of its own; see [`Frame::composite`].
 pub fn composite(frame: &Frame<'_>, matte: Option<PlaneRef<'_, Rgb>>, glossy: Option<PlaneRef<'_, Rgb>>) -> Plane<Rgb> {
-    let at = |p: Option<PlaneRef<'_, Rgb>>, absent: f32, x, y| p.map_or([absent; 3], |p| p.at(x, y));
-    Plane::from_fn(frame.size, |x, y| {
-        let d = at(frame.direct, 0.0, x, y);
-        let (m, wm) = (at(matte, 0.0, x, y), at(frame.matte_weight, 1.0, x, y));
-        let (g, wg) = (at(glossy, 0.0, x, y), at(frame.glossy_weight, 1.0, x, y));
-        std::array::from_fn(|c| d[c] + wm[c] * m[c] + wg[c] * g[c])
-    })
+    Frame { matte, glossy, ..*frame }.composite()
 }
 
 /// A way to a clean picture.
