@@ -88,7 +88,7 @@ pub const PICTURE: &[Figure] = &[
     figure!("rel_mse", "untrimmed", Lower, Significant, "relative mean squared error with every pixel"),
     figure!("psnr", "PSNR dB", Higher, Digits(2), "peak signal-to-noise ratio after the tone curve"),
     figure!("ssim", "SSIM", Higher, Digits(4), "structural similarity after the tone curve"),
-    figure!("flip", "FLIP", Lower, Digits(4), "what a viewer sees when flipping to the reference, at one exposure"),
+    figure!("ldr_flip", "FLIP", Lower, Digits(4), "what a viewer sees when flipping to the reference, at one exposure"),
     figure!(
         "hdr_flip",
         "HDR-FLIP",
@@ -328,7 +328,8 @@ fn escaped(text: &str) -> String {
 pub fn best<'m>(methods: &'m [ComparedMethod], figure: &Figure) -> Vec<&'m str> {
     let badness = |m: &ComparedMethod| {
         m.value(figure.name).map(|v| match figure.better {
-            Better::Lower => v,
+            // Shares are fitted and may come out a little below 0, which is no merit.
+            Better::Lower => v.abs(),
             Better::Higher => -v,
             Better::One => (v - 1.0).abs(),
         })
@@ -350,7 +351,7 @@ mod tests {
     fn method(name: &str, error: f64) -> ComparedMethod {
         let mean = serde_json::from_value(serde_json::json!({
             "rel_mse": error, "rel_mse_trimmed": error, "fireflies": 0.0, "psnr": 30.0, "energy": 1.0,
-            "hdr_flip": error, "ssim": 0.9, "flip": error,
+            "hdr_flip": error, "ssim": 0.9, "ldr_flip": error,
         }));
         let mut scorecard = Scores::all_null("nothing moves");
         scorecard.noise = Score::of(error);
@@ -387,6 +388,27 @@ mod tests {
             text.contains("- blur, smearing, ghosting, flicker") && text.matches("nothing moves").count() == 1,
             "{text}"
         );
+    }
+
+    /// A figure whose name is no field would silently have no column.
+    #[test]
+    fn every_metric_and_every_score_has_its_column() {
+        let names = |list: &[Figure]| list.iter().map(|f| f.name.to_owned()).collect::<std::collections::BTreeSet<_>>();
+        let mean = method("a", 0.5).mean.unwrap();
+        let fields = serde_json::to_value(mean).unwrap();
+        assert_eq!(names(PICTURE), fields.as_object().unwrap().keys().cloned().collect());
+        assert_eq!(names(SCORECARD), Scores::NAMES.map(str::to_owned).into());
+    }
+
+    #[test]
+    fn a_share_below_nothing_is_not_better_than_nothing() {
+        let with_blur = |name: &str, blur: f64| {
+            let mut method = method(name, 0.5);
+            method.scorecard = Some(Scores { blur: Score::of(blur), ..Scores::all_null("not measured") });
+            method
+        };
+        let blur = SCORECARD.iter().find(|f| f.name == "blur").unwrap();
+        assert_eq!(best(&[with_blur("a", -0.06), with_blur("b", 0.01)], blur), ["b"]);
     }
 
     #[test]
