@@ -47,8 +47,8 @@ pub struct CompareArgs {
     /// Repeat with so many seeds, from --seed on: means with 95 % intervals
     #[arg(long, value_name = "N", default_value = "1", value_parser = values::at_least_one::<u16>)]
     pub seeds: u16,
-    /// Samples a pixel of each of a reference's two halves
-    #[arg(long, value_name = "N", default_value = "32", value_parser = values::at_least_one::<u32>)]
+    /// Samples a pixel of references, both halves together
+    #[arg(long, value_name = "N", default_value = "64", value_parser = values::at_least_one::<u32>)]
     pub reference_spp: u32,
     /// Frames with references; those with 8 such before them are scored [default: the last steady ones, 16 + 8]
     #[arg(long, value_name = "RANGE", allow_hyphen_values = true)]

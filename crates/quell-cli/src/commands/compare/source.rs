@@ -94,7 +94,8 @@ impl Source {
             None => default_choice(&frames),
         };
         let options = render::options(args.size.unwrap_or(USUAL_SIZE), &args.sampling)?;
-        let target = ReferenceTarget { samples: args.reference_spp, batch: BATCH, ..ReferenceTarget::default() };
+        let target =
+            ReferenceTarget { samples: args.reference_spp.div_ceil(2), batch: BATCH, ..ReferenceTarget::default() };
         let cache = Cache::default_place();
         Ok(Self::Scene(Box::new(FromScene { scene, camera, frames, options, references, target, cache })))
     }
