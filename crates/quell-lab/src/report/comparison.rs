@@ -8,6 +8,7 @@
 use crate::error::Error;
 use crate::report::figures::{self, Better, ComparedMethod, Figure};
 use crate::report::player::MAX_BYTES;
+use crate::report::template::{fill, plain};
 use crate::tone::Picture;
 use base64::Engine;
 use quell::{Plane, Size};
@@ -268,27 +269,14 @@ fn html(
     };
     // `<` would end the script element early, whatever the text says.
     let json = serde_json::to_string(&data)?.replace('<', "\\u003c");
-    let title = page.title.replace('&', "&amp;").replace('<', "&lt;");
-    let mut html = String::with_capacity(json.len() + 65_536);
-    for (i, part) in include_str!("assets/comparison.html").split("{{").enumerate() {
-        if i == 0 {
-            html.push_str(part);
-            continue;
-        }
-        let (name, rest) = part.split_once("}}").unwrap_or(("", part));
-        match name {
-            "title" => html.push_str(&title),
-            "style" => {
-                html.push_str(include_str!("assets/player.css"));
-                html.push_str(include_str!("assets/comparison.css"));
-            }
-            "data" => html.push_str(&json),
-            "script" => html.push_str(include_str!("assets/comparison.js")),
-            _ => {}
-        }
-        html.push_str(rest);
-    }
-    Ok(html)
+    let title = plain(&page.title);
+    Ok(fill(include_str!("assets/comparison.html"), |name| match name {
+        "title" => vec![title.as_str()],
+        "style" => vec![include_str!("assets/player.css"), include_str!("assets/comparison.css")],
+        "data" => vec![json.as_str()],
+        "script" => vec![include_str!("assets/comparison.js")],
+        _ => vec![],
+    }))
 }
 
 /// Where the caller names no rate.

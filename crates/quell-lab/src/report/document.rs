@@ -2,6 +2,7 @@
 
 use crate::error::Error;
 use crate::report::table::Table;
+use crate::report::template::{fill, plain};
 use crate::tone::Picture;
 use base64::Engine;
 use rayon::prelude::*;
@@ -57,11 +58,6 @@ pub fn write(path: &Path, document: &Document) -> Result<usize, Error> {
     Ok(page.len())
 }
 
-/// Text as HTML.
-fn plain(text: &str) -> String {
-    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
-}
-
 fn html(document: &Document) -> Result<String, Error> {
     let mut body = String::new();
     let out = &mut body;
@@ -101,26 +97,17 @@ fn html(document: &Document) -> Result<String, Error> {
     for (i, section) in document.sections.iter().enumerate() {
         let _ = write!(contents, "<a href=\"#s{i}\">{}</a>", plain(&section.heading));
     }
-    let mut page = String::with_capacity(body.len() + 8192);
-    for (i, part) in include_str!("assets/document.html").split("{{").enumerate() {
-        if i == 0 {
-            page.push_str(part);
-            continue;
-        }
-        let (name, rest) = part.split_once("}}").unwrap_or(("", part));
-        match name {
-            "title" => page.push_str(&plain(&document.title)),
-            "subtitle" => page.push_str(&plain(&document.subtitle)),
-            "style" => page.push_str(include_str!("assets/document.css")),
-            "contents" => page.push_str(&contents),
-            "body" => page.push_str(&body),
-            "command" => page.push_str(&plain(&document.command)),
-            "version" => page.push_str(env!("CARGO_PKG_VERSION")),
-            _ => {}
-        }
-        page.push_str(rest);
-    }
-    Ok(page)
+    let (title, subtitle, command) = (plain(&document.title), plain(&document.subtitle), plain(&document.command));
+    Ok(fill(include_str!("assets/document.html"), |name| match name {
+        "title" => vec![title.as_str()],
+        "subtitle" => vec![subtitle.as_str()],
+        "style" => vec![include_str!("assets/document.css")],
+        "contents" => vec![contents.as_str()],
+        "body" => vec![body.as_str()],
+        "command" => vec![command.as_str()],
+        "version" => vec![env!("CARGO_PKG_VERSION")],
+        _ => vec![],
+    }))
 }
 
 fn write_table(out: &mut String, caption: &str, table: &Table) {

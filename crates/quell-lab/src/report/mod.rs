@@ -7,6 +7,7 @@
 //! comparison.rs  the page of a comparison
 //! player.rs      the page of a sequence
 //! document.rs    a page to read: tables and figures
+//! template.rs    places in a page's file
 //! strip.rs       the animated picture
 //! ```
 
@@ -17,5 +18,6 @@ pub mod json;
 pub mod player;
 pub mod strip;
 pub mod table;
+mod template;
 
 pub use json::{FrameStatus, Machine, MethodScores, Report, Sanitised, Spread, StageTime, Status};

@@ -5,6 +5,7 @@
 
 use crate::error::Error;
 use crate::report::table::Table;
+use crate::report::template::{fill, plain};
 use crate::tone::{Picture, grey_png};
 use base64::Engine;
 use quell::{Plane, Size};
@@ -275,24 +276,14 @@ fn html(
     };
     // `<` would end the script element early, whatever the text says.
     let json = serde_json::to_string(&page)?.replace('<', "\\u003c");
-    let title = data.title.replace('&', "&amp;").replace('<', "&lt;");
-    let mut html = String::with_capacity(json.len() + 65_536);
-    for (i, part) in include_str!("assets/player.html").split("{{").enumerate() {
-        if i == 0 {
-            html.push_str(part);
-            continue;
-        }
-        let (name, rest) = part.split_once("}}").unwrap_or(("", part));
-        html.push_str(match name {
-            "title" => &title,
-            "style" => include_str!("assets/player.css"),
-            "data" => &json,
-            "script" => include_str!("assets/player.js"),
-            _ => "",
-        });
-        html.push_str(rest);
-    }
-    Ok(html)
+    let title = plain(&data.title);
+    Ok(fill(include_str!("assets/player.html"), |name| match name {
+        "title" => vec![title.as_str()],
+        "style" => vec![include_str!("assets/player.css")],
+        "data" => vec![json.as_str()],
+        "script" => vec![include_str!("assets/player.js")],
+        _ => vec![],
+    }))
 }
 
 /// Where the caller names no rate.

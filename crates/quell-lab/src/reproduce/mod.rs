@@ -17,6 +17,7 @@ use crate::compare::{Runner, SceneSource, Sequence};
 use crate::error::Error;
 use crate::references::ReferenceTarget;
 use crate::report::document::Section;
+use crate::report::table::significant;
 use quell::Size;
 use quell_trace::{RenderOptions, Scene};
 use std::path::Path;
@@ -98,14 +99,7 @@ fn stopped(error: Error) -> Result<String, Error> {
 
 /// A figure with three digits, or a dash.
 fn three(value: Option<f64>) -> String {
-    match value {
-        None => "-".to_owned(),
-        Some(0.0) => "0".to_owned(),
-        Some(v) => {
-            let digits = (2 - v.abs().log10().floor() as i32).clamp(0, 6) as usize;
-            format!("{v:.digits$}")
-        }
-    }
+    value.map_or_else(|| "-".to_owned(), significant)
 }
 
 #[cfg(test)]
@@ -114,7 +108,7 @@ mod tests {
 
     #[test]
     fn figures_have_three_digits() {
-        let cases = [(0.0123456, "0.0123"), (1.0, "1.00"), (123.4, "123"), (98765.0, "98765"), (1e-9, "0.000000")];
+        let cases = [(0.0123456, "0.0123"), (1.0, "1.00"), (123.4, "123"), (98765.0, "9.88e4"), (1e-9, "1.00e-9")];
         for (value, text) in cases {
             assert_eq!(three(Some(value)), text);
         }
