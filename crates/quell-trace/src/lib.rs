@@ -25,6 +25,7 @@ pub mod sampler;
 pub mod scene;
 pub mod shapes;
 mod sources;
+pub mod texture;
 mod tracer;
 mod track;
 pub mod warp;
@@ -35,7 +36,9 @@ pub use integrator::RayCounts;
 pub use material::{Material, MaterialModel};
 pub use pattern::Pattern;
 pub use primary::PrimaryReplacement;
-pub use scene::{CameraPath, Instance, Mesh, PointlikeLight, Scene, SceneError, Surface};
+pub use scene::{
+    Alpha, CameraPath, Instance, Mesh, NormalMap, PointlikeLight, Scene, SceneError, Surface, SurfaceTextures,
+};
 pub use tracer::{
     Control, Estimator, Half, HalfSignals, Reference, ReferenceKind, RenderOptions, Rendered, SIZE_LIMIT,
     TRACER_VERSION, TraceError, Tracer, scene_hash,

@@ -3,8 +3,9 @@
 use crate::environment::Environment;
 use crate::material::Material;
 use crate::pattern::Pattern;
+use crate::texture::{Image, TextureRef};
 use crate::track::Track;
-use glam::{Affine3A, Vec2, Vec3};
+use glam::{Affine3A, Vec2, Vec3, Vec4};
 use quell::{Camera, Size};
 use std::sync::Arc;
 
@@ -92,8 +93,15 @@ pub struct Mesh {
     pub positions: Vec<Vec3>,
     /// Shading normals of the corners; empty: flat faces.
     pub normals: Vec<Vec3>,
-    /// Texture coordinates of the corners; empty: all zero.
+    /// Texture coordinates of the corners, set 0 (v down the picture); empty: all zero.
     pub uvs: Vec<Vec2>,
+    /// Texture coordinates of the corners, set 1; empty: all zero.
+    pub uvs1: Vec<Vec2>,
+    /// Linear colours and opacity of the corners, which multiply base colour and alpha; empty: white.
+    pub colors: Vec<Vec4>,
+    /// Tangents of the corners for normal maps (along u), in the mesh's space at rest; w is the sign of the bitangent,
+    /// w normal x tangent. Empty: each triangle takes those of its texture coordinates.
+    pub tangents: Vec<Vec4>,
     /// Three corners each.
     pub triangles: Vec<[u32; 3]>,
     /// Skin, morph targets or anything else that moves the vertices from frame to frame.
@@ -112,19 +120,107 @@ impl std::fmt::Debug for Mesh {
     }
 }
 
-/// A material and the pattern painted over it.
+/// A material and what varies over it.
 #[derive(Clone, Debug)]
 pub struct Surface {
-    /// Constant properties.
+    /// Constant properties: the factors of the textures where there are any.
     pub material: Material,
-    /// What varies over the surface.
+    /// What code paints over the surface.
     pub pattern: Pattern,
+    /// What images paint over it.
+    pub textures: Option<Box<SurfaceTextures>>,
+    /// What opacity means.
+    pub alpha: Alpha,
+    /// Opacity, 0..1; the base colour texture's alpha and the vertex colours' multiply it.
+    pub alpha_factor: f32,
+    /// Whether light leaves both sides where the surface emits. Back sides are seen either way (`docs/scenes.md`).
+    pub double_sided: bool,
+    /// Shines with its base colour on both sides, in place of everything else: `KHR_materials_unlit`. Like any other
+    /// emitter it lights the scene.
+    pub unlit: bool,
+}
+
+impl Default for Surface {
+    /// The default material, opaque.
+    fn default() -> Self {
+        Self {
+            material: Material::default(),
+            pattern: Pattern::Plain,
+            textures: None,
+            alpha: Alpha::Opaque,
+            alpha_factor: 1.0,
+            double_sided: false,
+            unlit: false,
+        }
+    }
 }
 
 impl From<Material> for Surface {
     fn from(material: Material) -> Self {
-        Self { material, pattern: Pattern::Plain }
+        Self { material, ..Self::default() }
     }
+}
+
+/// What the opacity of a surface means, as in glTF 2.0, section 3.9.4.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub enum Alpha {
+    /// Nothing: the surface is there.
+    #[default]
+    Opaque,
+    /// The surface is there where opacity is at least `cutoff`.
+    Mask {
+        /// Least opacity.
+        cutoff: f32,
+    },
+    /// The surface is there with a probability: it covers this share of each point.
+    Blend,
+}
+
+/// The images of a surface. All but `emissive`, `base_color` and `specular_color` hold linear values.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct SurfaceTextures {
+    /// sRGB, multiplies base colour; alpha multiplies opacity.
+    pub base_color: Option<TextureRef>,
+    /// Green multiplies roughness, blue multiplies `metallic`.
+    pub metallic_roughness: Option<TextureRef>,
+    /// Normals in the frame of tangent, bitangent and normal.
+    pub normal: Option<NormalMap>,
+    /// sRGB, multiplies emission.
+    pub emissive: Option<TextureRef>,
+    /// Red multiplies `transmission`.
+    pub transmission: Option<TextureRef>,
+    /// Green is the thickness of the body behind the surface. Never read: the tracer meets the far side itself.
+    pub thickness: Option<TextureRef>,
+    /// Alpha multiplies `specular`.
+    pub specular: Option<TextureRef>,
+    /// sRGB, multiplies `specular_color`.
+    pub specular_color: Option<TextureRef>,
+}
+
+impl SurfaceTextures {
+    /// All that are there.
+    pub fn all(&self) -> impl Iterator<Item = &TextureRef> {
+        let normal = self.normal.as_ref().map(|n| &n.texture);
+        let others = [
+            &self.base_color,
+            &self.metallic_roughness,
+            &self.emissive,
+            &self.transmission,
+            &self.thickness,
+            &self.specular,
+            &self.specular_color,
+        ];
+        others.into_iter().flatten().chain(normal)
+    }
+}
+
+/// A normal map.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct NormalMap {
+    /// Its image: red along the tangent, green along the bitangent (up in the picture), blue along the normal.
+    pub texture: TextureRef,
+    /// Multiplies the map's red and green before they become a direction.
+    pub scale: f32,
 }
 
 /// A mesh placed in the world. Several instances may share a mesh.
@@ -267,8 +363,10 @@ pub struct Scene {
     pub identity: u64,
     /// Geometry, each in its own space.
     pub meshes: Vec<Mesh>,
-    /// Materials with their patterns.
+    /// Materials with their patterns and textures.
     pub surfaces: Vec<Surface>,
+    /// Images that textures refer to by their place here.
+    pub images: Vec<Arc<Image>>,
     /// Meshes in the world. An instance's number + 1 is its `surface_id`.
     pub instances: Vec<Instance>,
     /// Lights without extent. Surfaces that emit are lights by themselves.
@@ -293,6 +391,7 @@ impl Scene {
             identity: 0,
             meshes: Vec::new(),
             surfaces: Vec::new(),
+            images: Vec::new(),
             instances: Vec::new(),
             lights: Vec::new(),
             environment: Environment::constant(Vec3::ZERO),

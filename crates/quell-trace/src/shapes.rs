@@ -12,6 +12,7 @@ pub fn quad(corner: Vec3, edge_u: Vec3, edge_v: Vec3) -> Mesh {
         uvs: vec![Vec2::ZERO, Vec2::X, Vec2::ONE, Vec2::Y],
         triangles: vec![[0, 1, 2], [0, 2, 3]],
         deform: None,
+        ..Default::default()
     }
 }
 

@@ -308,6 +308,12 @@ fn check_indices(scene: &Scene) -> Result<(), SceneError> {
         check("mesh", instance.mesh, scene.meshes.len(), &place)?;
         check("material", instance.surface, scene.surfaces.len(), &place)?;
     }
+    for (number, surface) in scene.surfaces.iter().enumerate() {
+        let place = || Cow::from(format!("material {number}"));
+        for texture in surface.textures.iter().flat_map(|t| t.all()) {
+            check("image", texture.image, scene.images.len(), &place)?;
+        }
+    }
     for (number, mesh) in scene.meshes.iter().enumerate() {
         let place = || Cow::from(format!("mesh {number}"));
         for &index in mesh.triangles.iter().flatten() {
@@ -316,8 +322,15 @@ fn check_indices(scene: &Scene) -> Result<(), SceneError> {
         if !mesh.normals.is_empty() {
             check("normal", mesh.positions.len().saturating_sub(1), mesh.normals.len(), &place)?;
         }
-        if !mesh.uvs.is_empty() {
-            check("texture coordinate", mesh.positions.len().saturating_sub(1), mesh.uvs.len(), &place)?;
+        for (what, count) in [
+            ("texture coordinate", mesh.uvs.len()),
+            ("second texture coordinate", mesh.uvs1.len()),
+            ("vertex colour", mesh.colors.len()),
+            ("tangent", mesh.tangents.len()),
+        ] {
+            if count > 0 {
+                check(what, mesh.positions.len().saturating_sub(1), count, &place)?;
+            }
         }
     }
     Ok(())

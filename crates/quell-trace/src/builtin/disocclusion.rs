@@ -37,6 +37,7 @@ pub(super) fn build() -> Scene {
             variation: 0.8,
             shift: 0.5,
         },
+        ..Default::default()
     });
     let tiles = scene.surface(Surface {
         material: plain(0.50, 0.52, 0.50, 0.3),
@@ -47,10 +48,12 @@ pub(super) fn build() -> Scene {
             variation: 0.5,
             shift: 0.0,
         },
+        ..Default::default()
     });
     let plaster = scene.surface(Surface {
         material: plain(0.80, 0.78, 0.72, 0.9),
         pattern: Pattern::Mottled { other: Vec3::new(0.72, 0.69, 0.62), scale: 2.0 },
+        ..Default::default()
     });
     let sage = scene.surface(plain(0.36, 0.46, 0.36, 0.85));
     let (x, y, z) = (Vec3::X, Vec3::Y, Vec3::Z);
@@ -73,6 +76,7 @@ pub(super) fn build() -> Scene {
                 colors: [Vec3::new(0.62, 0.16, 0.08), Vec3::new(0.08, 0.20, 0.34), Vec3::new(0.70, 0.48, 0.12)],
                 seed: 3 + 2 * k as u32,
             },
+            ..Default::default()
         });
         scene.place(quad(Vec3::new(px, 1.0, -d + 0.03), x * 0.85, y * 0.95), canvas);
     }
@@ -80,6 +84,7 @@ pub(super) fn build() -> Scene {
     let bench = scene.surface(Surface {
         material: plain(0.40, 0.22, 0.11, 0.45),
         pattern: Pattern::Wood { dark: Vec3::new(0.17, 0.08, 0.04), rings: 16.0 },
+        ..Default::default()
     });
     let seat = rounded_box(Vec3::new(0.22, 0.04, 0.9), 0.02, 2);
     let across = Quat::from_rotation_y(std::f32::consts::FRAC_PI_2);
@@ -121,6 +126,7 @@ pub(super) fn build() -> Scene {
     let ball = scene.surface(Surface {
         material: plain(0.75, 0.73, 0.68, 0.35),
         pattern: Pattern::Stripes { other: Vec3::new(0.10, 0.15, 0.40), count: 5.0 },
+        ..Default::default()
     });
     scene.place_moving(
         uv_sphere(0.2, 48, 24),

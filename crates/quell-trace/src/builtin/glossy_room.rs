@@ -39,7 +39,7 @@ fn metal(color: Vec3, roughness: f32) -> Material {
 }
 
 fn painted(material: Material, pattern: Pattern) -> Surface {
-    Surface { material, pattern }
+    Surface { material, pattern, ..Default::default() }
 }
 
 fn at(mesh: Mesh, x: f32, y: f32, z: f32) -> Mesh {

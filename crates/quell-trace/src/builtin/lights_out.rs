@@ -36,11 +36,13 @@ pub(super) fn build() -> Scene {
     let floor = scene.surface(Surface {
         material: plain(0.62, 0.55, 0.45, 0.25),
         pattern: Pattern::Checker { other: Vec3::new(0.20, 0.17, 0.15), cells: Vec2::new(12.0, 10.0) },
+        ..Default::default()
     });
     let plaster = scene.surface(plain(0.80, 0.78, 0.74, 0.9));
     let rose = scene.surface(Surface {
         material: plain(0.68, 0.36, 0.34, 0.85),
         pattern: Pattern::Stripes { other: Vec3::new(0.58, 0.28, 0.27), count: 18.0 },
+        ..Default::default()
     });
     let blue = scene.surface(plain(0.25, 0.36, 0.58, 0.8));
     let (x, y, z) = (Vec3::X, Vec3::Y, Vec3::Z);
@@ -78,6 +80,7 @@ pub(super) fn build() -> Scene {
     let wood = scene.surface(Surface {
         material: plain(0.42, 0.24, 0.12, 0.4),
         pattern: Pattern::Wood { dark: Vec3::new(0.18, 0.09, 0.04), rings: 15.0 },
+        ..Default::default()
     });
     scene.place(at(rounded_box(Vec3::new(0.6, 0.03, 0.4), 0.015, 2), -0.2, 0.6, -0.9), wood);
     let legs: Vec<Mesh> = [(-0.5, -0.3), (0.5, -0.3), (-0.5, 0.3), (0.5, 0.3)]

@@ -34,7 +34,7 @@ pub(super) fn build() -> Scene {
         ..Material::default()
     };
     let metal = |r: f32, g: f32, b: f32, roughness: f32| Material { metallic: 1.0, ..plain(r, g, b, roughness) };
-    let painted = |material: Material, pattern: Pattern| Surface { material, pattern };
+    let painted = |material: Material, pattern: Pattern| Surface { material, pattern, ..Default::default() };
 
     let floor = scene.surface(painted(
         plain(0.72, 0.68, 0.60, 0.45),

@@ -83,10 +83,18 @@ pub fn builtin(name: &str) -> Result<Scene, SceneError> {
     scene.exposure = found.info.exposure;
     let mut identity = crate::hash::Hash::new();
     for source in SHARED_SOURCES.iter().chain([&found.source]) {
-        identity.text(source);
+        identity.text(&without_defaults(source));
     }
     scene.identity = identity.finish();
     Ok(scene)
+}
+
+/// A source text without the places where a literal fills the rest with defaults: a field that a type gains later does
+/// not change the scenes that do not set it.
+fn without_defaults(source: &str) -> String {
+    const REST: &str = "..Default::default()";
+    let inline = format!(", {REST}");
+    source.lines().filter(|line| line.trim() != REST).map(|line| line.replace(&inline, "") + "\n").collect()
 }
 
 /// Fewest insertions, deletions and replacements of a character that turn one name into the other.
