@@ -168,6 +168,17 @@ impl Geometry {
     /// The nearest triangle along a unit direction; of several at the same distance the one with the least source.
     #[inline]
     pub(crate) fn closest(&self, origin: Vec3, direction: Vec3) -> Option<Hit> {
+        self.closest_where(origin, direction, |_, _| true)
+    }
+
+    /// The same among the points (triangle, weights of corners 1 and 2) for which `is_there` holds.
+    #[inline(always)]
+    pub(crate) fn closest_where(
+        &self,
+        origin: Vec3,
+        direction: Vec3,
+        is_there: impl Fn(u32, Vec2) -> bool,
+    ) -> Option<Hit> {
         let bvh = self.bvh.as_ref()?;
         if !(origin.is_finite() && direction.is_finite()) {
             return None;
@@ -178,6 +189,7 @@ impl Geometry {
         bvh.ray_traverse(ray, &mut RayHit::none(), |ray, index| {
             match self.triangles[index].intersect(origin, direction, ray.tmax) {
                 None => f32::INFINITY,
+                Some((_, u, v)) if !is_there(index as u32, Vec2::new(u, v)) => f32::INFINITY,
                 Some((t, u, v)) => {
                     let triangle = index as u32;
                     if best.is_none_or(|b| t < b.t || (t == b.t && self.rank(triangle) < self.rank(b.triangle))) {
@@ -198,6 +210,18 @@ impl Geometry {
     /// True where something lies between the origin and `distance` along a unit direction (infinite: anywhere).
     #[inline]
     pub(crate) fn occluded(&self, origin: Vec3, direction: Vec3, distance: f32) -> bool {
+        self.occluded_where(origin, direction, distance, |_, _| true)
+    }
+
+    /// The same among the points (triangle, weights of corners 1 and 2) for which `is_there` holds.
+    #[inline(always)]
+    pub(crate) fn occluded_where(
+        &self,
+        origin: Vec3,
+        direction: Vec3,
+        distance: f32,
+        is_there: impl Fn(u32, Vec2) -> bool,
+    ) -> bool {
         let Some(bvh) = self.bvh.as_ref() else { return false };
         if !(origin.is_finite() && direction.is_finite()) {
             return true;
@@ -207,8 +231,8 @@ impl Geometry {
         let ray = Ray::new(origin, direction, 0.0, tmax);
         !bvh.ray_traverse_miss(ray, |_, index| match self.triangles[index].intersect(origin, direction, tmax) {
             // `ray_traverse_miss` asks for less than the ray's end; any accepted distance counts.
-            Some(_) => 0.0,
-            None => f32::INFINITY,
+            Some((_, u, v)) if is_there(index as u32, Vec2::new(u, v)) => 0.0,
+            _ => f32::INFINITY,
         })
     }
 

@@ -6,6 +6,8 @@
 //! source and eye, and the reference holds the very same.
 
 use crate::bsdf::Bsdf;
+use crate::cone::Cone;
+use crate::lights::LightSample;
 use crate::material::MaterialModel;
 use crate::primary::{self, PrimaryReplacement};
 use crate::sampler::Sampler;
@@ -41,6 +43,10 @@ pub(crate) enum Domain {
     Transmission,
     /// This and the following, one for each interface of glass.
     BehindGlass,
+    /// This and the following, one for each veil that the eye looks through.
+    Veil = 64,
+    /// This and the following, one for each surface that covers a part of its points only.
+    BehindVeil = 128,
 }
 
 /// What a segment's end adds when it meets a source.
@@ -119,23 +125,32 @@ impl Integrator<'_, '_> {
         Bsdf::new(&point.material, self.model, point.shading_normal, point.geometric_normal, -direction, !point.front)
     }
 
+    #[expect(clippy::too_many_arguments, reason = "a ray and what it is for")]
     /// Radiance that arrives along a ray, from surfaces that it meets and scatters at at most `scatterings` times.
     pub(crate) fn incoming(
         &self,
         origin: Vec3,
         direction: Vec3,
+        cone: Cone,
         seen: Seen,
         scatterings: u32,
         sampler: &mut Sampler,
         rays: &mut RayCounts,
     ) -> Incoming {
-        self.walk(origin, direction, seen, scatterings, false, sampler, rays)
+        self.walk(origin, direction, cone, seen, scatterings, false, sampler, rays)
     }
 
     /// The full integral along an eye ray by one ordinary path. Surfaces that are looked through do not count as
     /// scatterings, as they do not for the factored estimators.
-    pub(crate) fn full(&self, origin: Vec3, direction: Vec3, sampler: &mut Sampler, rays: &mut RayCounts) -> Vec3 {
-        self.walk(origin, direction, Seen::Share(1.0), self.bounces + 1, true, sampler, rays).radiance
+    pub(crate) fn full(
+        &self,
+        origin: Vec3,
+        direction: Vec3,
+        cone: Cone,
+        sampler: &mut Sampler,
+        rays: &mut RayCounts,
+    ) -> Vec3 {
+        self.walk(origin, direction, cone, Seen::Share(1.0), self.bounces + 1, true, sampler, rays).radiance
     }
 
     #[expect(clippy::too_many_arguments, reason = "the state of a path")]
@@ -143,6 +158,7 @@ impl Integrator<'_, '_> {
         &self,
         mut origin: Vec3,
         mut direction: Vec3,
+        mut cone: Cone,
         mut seen: Seen,
         mut scatterings: u32,
         mut from_eye: bool,
@@ -160,7 +176,8 @@ impl Integrator<'_, '_> {
                 break;
             }
             rays.closest += 1;
-            let Some(hit) = self.world.geometry.closest(origin, direction) else {
+            let veils = self.world.veils(sampler, direction);
+            let Some(hit) = self.world.closest(origin, direction, veils) else {
                 let environment = self.sources.environment(direction);
                 if environment.max_element() > 0.0 {
                     let share = match seen {
@@ -176,7 +193,7 @@ impl Integrator<'_, '_> {
             if segment == 0 {
                 distance = hit.t;
             }
-            let point = self.world.surface_point(&hit, direction);
+            let point = self.world.surface_point(&hit, direction, cone);
             if !point.front && point.material.is_transmissive() {
                 throughput *= point.material.transmittance(hit.t);
             }
@@ -227,6 +244,7 @@ impl Integrator<'_, '_> {
             }
             origin = point.ray_origin(next.wi);
             direction = next.wi;
+            cone = point.cone.scattered(next.lobe_roughness, next.delta);
             seen = if next.delta {
                 Seen::Share(1.0)
             } else {
@@ -237,17 +255,25 @@ impl Integrator<'_, '_> {
         Incoming { radiance, distance }
     }
 
+    /// Radiance of a sampled point, where the sampler knows but a mean.
+    fn look_up(&self, light: &mut LightSample) {
+        if let Some(triangle) = self.sources.varying_triangle(light) {
+            light.radiance = self.world.radiance_of(triangle, light.barycentrics);
+        }
+    }
+
     /// Light of one sampled source, weighted against the surface's own sampling.
     fn one_light_sample(&self, point: &SurfacePoint, bsdf: &Bsdf, sampler: &mut Sampler, rays: &mut RayCounts) -> Vec3 {
         let u = sampler.next_3d();
-        let Some(light) = self.sources.sample(point.position, light_side(bsdf), u) else { return Vec3::ZERO };
+        let Some(mut light) = self.sources.sample(point.position, light_side(bsdf), u) else { return Vec3::ZERO };
+        self.look_up(&mut light);
         let value = bsdf.eval(light.wi);
         if value.max_element() <= 0.0 || light.radiance.max_element() <= 0.0 {
             return Vec3::ZERO;
         }
         rays.shadow += 1;
         let (origin, direction, distance) = point.shadow_ray(light.wi, light.distance);
-        if self.world.geometry.occluded(origin, direction, distance) {
+        if self.world.occluded(origin, direction, distance, self.world.veils(sampler, direction)) {
             return Vec3::ZERO;
         }
         let weight = if light.delta { 1.0 } else { power_heuristic(light.pdf, bsdf.pdf(light.wi)) };
@@ -293,14 +319,15 @@ impl Integrator<'_, '_> {
         let choice_shift = stream.with_index(pass).next_1d();
         let places = stream.fork(0);
         let place = |i: u32| places.with_index(pass.wrapping_mul(count).wrapping_add(i)).next_2d();
-        self.sources.sample_many(position, normal, count, choice_shift, place, |light, times| {
+        self.sources.sample_many(position, normal, count, choice_shift, place, |mut light, times| {
+            self.look_up(&mut light);
             let value = if light.delta { bsdf.matte(light.wi) + bsdf.glossy(light.wi) } else { lobes(light.wi) };
             if value.max_element() <= 0.0 || light.radiance.max_element() <= 0.0 {
                 return;
             }
             rays.shadow += 1;
             let (origin, direction, distance) = point.shadow_ray(light.wi, light.distance);
-            if self.world.geometry.occluded(origin, direction, distance) {
+            if self.world.occluded(origin, direction, distance, self.world.veils(sampler, direction)) {
                 return;
             }
             let density = n_light * light.pdf + if light.delta { 0.0 } else { lobe_density(light.wi) };
@@ -312,7 +339,7 @@ impl Integrator<'_, '_> {
             if value.max_element() <= 0.0 {
                 return Vec3::ZERO;
             }
-            let (radiance, pdf) = self.source_along(point, normal, wi, rays);
+            let (radiance, pdf) = self.source_along(point, normal, wi, sampler, rays);
             if radiance.max_element() <= 0.0 {
                 return Vec3::ZERO;
             }
@@ -335,15 +362,22 @@ impl Integrator<'_, '_> {
     }
 
     /// The source that is seen in a direction: its radiance and the density with which light sampling finds it.
-    fn source_along(&self, from: &SurfacePoint, normal: Vec3, wi: Vec3, rays: &mut RayCounts) -> (Vec3, f32) {
+    fn source_along(
+        &self,
+        from: &SurfacePoint,
+        normal: Vec3,
+        wi: Vec3,
+        sampler: &Sampler,
+        rays: &mut RayCounts,
+    ) -> (Vec3, f32) {
         rays.closest += 1;
-        match self.world.geometry.closest(from.ray_origin(wi), wi) {
+        match self.world.closest(from.ray_origin(wi), wi, self.world.veils(sampler, wi)) {
             None => (self.sources.environment(wi), self.sources.pdf_of_environment(from.position, normal, wi)),
             Some(hit) => {
                 if !self.sources.is_emitter(hit.triangle) {
                     return (Vec3::ZERO, 0.0);
                 }
-                let point = self.world.surface_point(&hit, wi);
+                let point = self.world.surface_point(&hit, wi, Cone::FINEST);
                 let emission = point.material.emitted(point.front);
                 if emission.max_element() <= 0.0 {
                     return (Vec3::ZERO, 0.0);
@@ -374,7 +408,9 @@ impl Integrator<'_, '_> {
             return Incoming { radiance: Vec3::ZERO, distance: 0.0 };
         }
         // Every source is sampled by the direct term: the first segment carries none.
-        let mut incoming = self.incoming(point.ray_origin(wi), wi, Seen::Share(0.0), self.bounces, &mut sampler, rays);
+        let cone = point.cone.scattered(1.0, false);
+        let seen = Seen::Share(0.0);
+        let mut incoming = self.incoming(point.ray_origin(wi), wi, cone, seen, self.bounces, &mut sampler, rays);
         // A metal's matte weight is 0, and so would the ratio be; M is still the light there, so that no black bleeds
         // into its neighbours.
         if self.exact && self.matte_weight(bsdf).max_element() > 0.0 {
@@ -398,12 +434,15 @@ impl Integrator<'_, '_> {
             // samples differently from bright ones, which is bias: it is that of the lobe's middle.
             let mirror = bsdf.mirror_direction();
             rays.closest += 1;
-            let distance = self.world.geometry.closest(point.ray_origin(mirror), mirror).map_or(f32::INFINITY, |h| h.t);
+            let veils = self.world.veils(&sampler, mirror);
+            let hit = self.world.closest(point.ray_origin(mirror), mirror, veils);
+            let distance = hit.map_or(f32::INFINITY, |h| h.t);
             return Incoming { radiance: Vec3::ZERO, distance };
         };
         let seen = Seen::Share(lamp_share_of_glossy(point.material.roughness));
+        let cone = point.cone.scattered(point.material.roughness, sample.delta);
         let mut incoming =
-            self.incoming(point.ray_origin(sample.wi), sample.wi, seen, self.bounces, &mut sampler, rays);
+            self.incoming(point.ray_origin(sample.wi), sample.wi, cone, seen, self.bounces, &mut sampler, rays);
         incoming.radiance *= sample.weight;
         if exact {
             incoming.radiance *= bsdf.exact_glossy_ratio(sample.wi);
@@ -421,8 +460,10 @@ impl Integrator<'_, '_> {
     ) -> Vec3 {
         let mut sampler = sampler.fork(Domain::Transmission as u32);
         let Some(sample) = bsdf.sample_transmission(sampler.next_2d()) else { return Vec3::ZERO };
+        let cone = point.cone.scattered(point.material.roughness, sample.delta);
+        let seen = Seen::Share(1.0);
         let incoming =
-            self.incoming(point.ray_origin(sample.wi), sample.wi, Seen::Share(1.0), self.bounces, &mut sampler, rays);
+            self.incoming(point.ray_origin(sample.wi), sample.wi, cone, seen, self.bounces, &mut sampler, rays);
         sample.weight * incoming.radiance
     }
 }

@@ -11,8 +11,10 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+mod appearance;
 pub mod bsdf;
 mod builtin;
+mod cone;
 pub mod environment;
 mod geometry;
 mod hash;

@@ -6,13 +6,18 @@
 //! frame and of the one before.
 
 use crate::bsdf::Bsdf;
+use crate::cone::Cone;
 use crate::integrator::{Integrator, RayCounts};
-use crate::world::SurfacePoint;
+use crate::world::{SurfacePoint, Veils};
 use glam::{Vec2, Vec3};
 use quell::{Camera, Projection};
 
 /// Interfaces that are looked through at most; the next one is the primary surface, whatever it is.
 pub(crate) const MAX_CHAIN: usize = 8;
+
+/// A surface that blends is looked through where it covers less than this share of a point. Guides then belong to what
+/// shows most, and do not flicker.
+const VEIL_OPACITY: f32 = 0.5;
 
 /// Which surfaces the eye looks through before guides are taken.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -59,9 +64,21 @@ pub(crate) struct Primary {
     pub(crate) surface: Option<Vertex>,
     /// Glass on the way, nearest first. Its own reflections are still to be added.
     pub(crate) glass: Vec<Vertex>,
+    /// Surfaces on the way that cover little of their points, nearest first; opacity is in their throughput.
+    pub(crate) veils: Vec<Vertex>,
+    /// Rays to what shows through surfaces that cover most of their points but not all.
+    pub(crate) behind: Vec<Behind>,
     /// Background: direction in which it is seen, and what the chain leaves of it.
     pub(crate) escape: (Vec3, Vec3),
     pub(crate) guides: Guides,
+}
+
+/// A ray that goes on past a surface which is not all there.
+pub(crate) struct Behind {
+    pub(crate) origin: Vec3,
+    pub(crate) direction: Vec3,
+    pub(crate) cone: Cone,
+    pub(crate) throughput: Vec3,
 }
 
 /// How the path goes on through a vertex of the chain.
@@ -104,11 +121,27 @@ fn mirrored(p: Vec3, point: Vec3, normal: Vec3) -> Vec3 {
 }
 
 impl Integrator<'_, '_> {
+    /// The ray through a place of the picture: origin, direction and the cone of one pixel.
+    pub(crate) fn eye_ray(&self, views: &Views, pixel: Vec2) -> (Vec3, Vec3, Cone) {
+        let at = |p: Vec2| (views.now.ray_origin(p), views.now.ray_direction(p).normalize_or(views.now.forward));
+        let (origin, direction) = at(pixel);
+        let mut cone = Cone { sharp: true, ..Cone::FINEST };
+        if self.world.painted {
+            for step in [Vec2::X, Vec2::Y] {
+                let (beside, turned) = at(pixel + step);
+                cone.width += 0.5 * (beside - origin).length();
+                cone.spread += 0.5 * (turned - direction).length();
+            }
+        }
+        (origin, direction, cone)
+    }
+
     /// Follows the eye ray to the primary surface.
     pub(crate) fn primary(&self, views: &Views, pixel: Vec2, rays: &mut RayCounts) -> Primary {
-        let eye_direction = views.now.ray_direction(pixel).normalize_or(views.now.forward);
-        let eye = views.now.ray_origin(pixel);
+        let (eye, eye_direction, mut cone) = self.eye_ray(views, pixel);
         let (mut origin, mut direction) = (eye, eye_direction);
+        let mut veils: Vec<Vertex> = Vec::new();
+        let mut behind: Vec<Behind> = Vec::new();
         let mut throughput = Vec3::ONE;
         let mut length = 0.0;
         let mut glass: Vec<Vertex> = Vec::new();
@@ -117,16 +150,29 @@ impl Integrator<'_, '_> {
         let mut chain_id = 0_u32;
         loop {
             rays.closest += 1;
-            let Some(hit) = self.world.geometry.closest(origin, direction) else {
+            let Some(hit) = self.world.closest(origin, direction, Veils::All) else {
                 let guides = background(views, direction, chain_id != 0);
-                return Primary { surface: None, glass, escape: (direction, throughput), guides };
+                return Primary { surface: None, glass, veils, behind, escape: (direction, throughput), guides };
             };
             length += hit.t;
-            let point = self.world.surface_point(&hit, direction);
+            let point = self.world.surface_point(&hit, direction, cone);
+            cone = point.cone;
             if !point.front && point.material.is_transmissive() {
                 throughput *= point.material.transmittance(hit.t);
             }
             let bsdf = self.bsdf(&point, direction);
+            let opacity = self.world.opacity(&hit);
+            if opacity < VEIL_OPACITY && veils.len() < MAX_CHAIN {
+                origin = point.ray_origin(direction);
+                veils.push(Vertex { point, bsdf, throughput: throughput * opacity });
+                throughput *= 1.0 - opacity;
+                continue;
+            }
+            if opacity < 1.0 {
+                let through = throughput * (1.0 - opacity);
+                behind.push(Behind { origin: point.ray_origin(direction), direction, cone, throughput: through });
+                throughput *= opacity;
+            }
             let next = if glass.len() + mirrors.len() < MAX_CHAIN && !self.emits(&point) {
                 link(&bsdf, self.replacement)
             } else {
@@ -157,7 +203,7 @@ impl Integrator<'_, '_> {
                     guides.roughness = first.point.material.roughness.clamp(0.0, 1.0);
                 }
                 let surface = Some(Vertex { point, bsdf, throughput });
-                return Primary { surface, glass, escape: (direction, Vec3::ZERO), guides };
+                return Primary { surface, glass, veils, behind, escape: (direction, Vec3::ZERO), guides };
             };
             let wi = match next {
                 Link::Transmitted { wi, weight } => {

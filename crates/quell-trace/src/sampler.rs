@@ -40,6 +40,15 @@ impl Sampler {
         Self { index: sample_index, ..*self }
     }
 
+    /// A hash for one ray of this stream, for choices along it whose number is not known before (is a veil there?). It
+    /// draws nothing. Different directions and different numbers of draws so far have different hashes.
+    #[inline]
+    pub(crate) fn ray_seed(&self, direction: Vec3) -> u64 {
+        let [x, y, z] = direction.to_array().map(|v| u64::from(v.to_bits()));
+        let state = self.key ^ mix((u64::from(self.index) << 32) | u64::from(self.dimension));
+        mix(mix(state).wrapping_add(x | (y << 32)) ^ z.wrapping_mul(0x9e37_79b9_7f4a_7c15))
+    }
+
     /// The next number, in \[0, 1).
     #[inline]
     pub fn next_1d(&mut self) -> f32 {

@@ -15,6 +15,8 @@ pub(crate) struct Sources {
     sampler: LightSampler,
     /// Emitter of each triangle of the geometry, or [`NONE`].
     emitter_of: Vec<u32>,
+    /// Triangle of the geometry of each emitter whose radiance varies, or [`NONE`]; empty where none does.
+    varying: Vec<u32>,
     environment: Option<Arc<Environment>>,
     /// Number of the environment among the emitters.
     environment_index: usize,
@@ -26,13 +28,18 @@ impl Sources {
     pub(crate) fn new(world: &World<'_>, scene: &Scene) -> Self {
         let mut emitters = Vec::with_capacity(world.emissive.len() + world.lights.len() + 1);
         let mut emitter_of = if world.emissive.is_empty() { Vec::new() } else { vec![NONE; world.geometry.len()] };
+        let mut varying = Vec::new();
+        let any_varies = world.emissive.iter().any(|e| e.varies);
         let mut rest = world.emissive.as_slice();
         while let Some(first) = rest.first() {
             let (count, patch) = leading_patch(rest);
             for triangle in &rest[..count] {
                 emitter_of[triangle.triangle as usize] = emitters.len() as u32;
             }
-            let EmissiveTriangle { corners, radiance, two_sided, .. } = *first;
+            let EmissiveTriangle { corners, radiance, two_sided, varies, triangle } = *first;
+            if any_varies {
+                varying.push(if varies { triangle } else { NONE });
+            }
             emitters.push(match patch {
                 Some(patch) => Emitter::Patch { patch, radiance, two_sided },
                 None => Emitter::Triangle { vertices: corners, radiance, two_sided },
@@ -63,6 +70,7 @@ impl Sources {
         Self {
             sampler: LightSampler::new(emitters),
             emitter_of,
+            varying,
             environment,
             environment_index,
             environment_scale: world.environment_scale,
@@ -100,6 +108,12 @@ impl Sources {
     #[inline]
     pub(crate) fn sample(&self, point: Vec3, normal: Vec3, u: Vec3) -> Option<LightSample> {
         self.finish(self.sampler.sample(point, normal, u)?)
+    }
+
+    /// The triangle whose radiance at the sampled point is the world's to say.
+    #[inline]
+    pub(crate) fn varying_triangle(&self, sample: &LightSample) -> Option<u32> {
+        self.varying.get(sample.emitter_index).copied().filter(|&t| t != NONE)
     }
 
     fn finish(&self, mut sample: LightSample) -> Option<LightSample> {
@@ -150,11 +164,14 @@ impl Sources {
 /// other in the scene, share edges, lie in one plane and shine alike.
 fn leading_patch(triangles: &[EmissiveTriangle]) -> (usize, Option<Patch>) {
     let Some(first) = triangles.first() else { return (0, None) };
+    if first.varies {
+        return (1, None);
+    }
     let plane_normal = |[a, b, c]: [Vec3; 3]| (b - a).cross(c - a).normalize_or_zero();
     let normal = plane_normal(first.corners);
     let mut joined = vec![first.corners];
     for next in &triangles[1..] {
-        let alike = next.radiance == first.radiance && next.two_sided == first.two_sided;
+        let alike = next.radiance == first.radiance && next.two_sided == first.two_sided && !next.varies;
         // Cheap tests first: `Patch::new` has the last word.
         let shares_edge = |t: &[Vec3; 3]| t.iter().filter(|v| next.corners.contains(v)).count() == 2;
         let faces_same_way = || plane_normal(next.corners).dot(normal) > SAME_PLANE_COS;

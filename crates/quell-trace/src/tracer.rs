@@ -575,6 +575,18 @@ impl<'s> Tracer<'s> {
                 light += *throughput * (own + through / count as f32);
             }
         }
+        for (number, veil) in primary.veils.iter().enumerate() {
+            let sampler = sampler.fork(Domain::Veil as u32 + number as u32);
+            light += veil.throughput * Self::unsplit(integrator, veil, direct_samples, pass, &sampler, rays);
+        }
+        for (number, ray) in primary.behind.iter().enumerate() {
+            let mut sum = Vec3::ZERO;
+            for i in 0..count {
+                let mut sampler = stream(i).fork(Domain::BehindVeil as u32 + number as u32);
+                sum += integrator.full(ray.origin, ray.direction, ray.cone, &mut sampler, rays);
+            }
+            light += ray.throughput * sum / count as f32;
+        }
         // Reflections of glass that no signal carries: all but the first, or all before a background.
         let carried = usize::from(primary.surface.is_some());
         for (number, vertex) in primary.glass.iter().enumerate().skip(carried) {
@@ -587,6 +599,29 @@ impl<'s> Tracer<'s> {
             light += vertex.throughput * sum / count as f32;
         }
         light
+    }
+
+    /// All light that leaves a surface towards the eye, with no signal left for the denoiser.
+    fn unsplit(
+        integrator: &Integrator<'_, '_>,
+        vertex: &Vertex,
+        direct_samples: u32,
+        pass: u32,
+        sampler: &Sampler,
+        rays: &mut RayCounts,
+    ) -> Vec3 {
+        let Vertex { point, bsdf, .. } = vertex;
+        let count = direct_samples.div_ceil(4).max(1);
+        let mut scattered = Vec3::ZERO;
+        for i in 0..count {
+            let sampler = sampler.with_index(pass.wrapping_mul(count).wrapping_add(i));
+            scattered += integrator.transmission_path(point, bsdf, &sampler, rays);
+            scattered += integrator.matte_weight(bsdf) * integrator.matte_path(point, bsdf, &sampler, rays).radiance;
+            scattered += bsdf.glossy_weight() * integrator.glossy_path(point, bsdf, true, &sampler, rays).radiance;
+        }
+        point.material.emitted(point.front)
+            + integrator.direct(point, bsdf, direct_samples, pass, sampler, rays)
+            + scattered / count as f32
     }
 
     /// One matte and one glossy path of a primary surface.
@@ -675,11 +710,10 @@ impl<'s> Tracer<'s> {
         match kind {
             ReferenceKind::FullIntegral => {
                 let position = Self::sample_position(views, x, y);
-                let origin = views.now.ray_origin(position);
-                let direction = views.now.ray_direction(position).normalize_or(views.now.forward);
+                let (origin, direction, cone) = integrator.eye_ray(views, position);
                 for sample in samples {
                     let mut sampler = Sampler::new(pixel, self.frame, sample, seed).fork(Domain::Full as u32);
-                    beauty.push(integrator.full(origin, direction, &mut sampler, rays));
+                    beauty.push(integrator.full(origin, direction, cone, &mut sampler, rays));
                 }
             }
             ReferenceKind::Factored => {

@@ -1,9 +1,13 @@
 //! A scene at one frame: triangles in world space, what they are made of, and what lights them.
 
+use crate::appearance::{self, Coverage, Frame, Spot};
+use crate::cone::{Cone, Footprint};
 use crate::geometry::{Geometry, Hit, Triangle, TriangleSource};
 use crate::material::Material;
+use crate::sampler::Sampler;
 use crate::scene::{Deformed, Mesh, PointlikeLight, Scene, SceneError};
-use glam::{Affine3A, Mat3A, Vec2, Vec3};
+use glam::Vec3Swizzles;
+use glam::{Affine3A, Mat3, Mat3A, Vec2, Vec3};
 use std::borrow::Cow;
 
 /// An instance at this frame and the one before.
@@ -18,6 +22,18 @@ struct Placed {
     /// Vertices now and one frame before, for meshes that deform.
     deformed: Option<[Deformed; 2]>,
     emission_scale: f32,
+    /// Whether textures or vertex colours change the material from point to point.
+    painted: bool,
+    coverage: Coverage,
+}
+
+/// Which of the surfaces that are partly there a ray meets.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum Veils {
+    /// All that are not fully clear: the caller looks at their opacity.
+    All,
+    /// Each with its opacity as probability, chosen by this hash.
+    Chance(u64),
 }
 
 /// A point of a surface, seen from somewhere.
@@ -38,6 +54,8 @@ pub(crate) struct SurfacePoint {
     pub(crate) instance: u32,
     /// Weights of the triangle's corners 1 and 2.
     pub(crate) barycentric: Vec2,
+    /// What the ray stands for here.
+    pub(crate) cone: Cone,
 }
 
 impl SurfacePoint {
@@ -68,7 +86,10 @@ impl SurfacePoint {
 /// A triangle that emits.
 pub(crate) struct EmissiveTriangle {
     pub(crate) corners: [Vec3; 3],
+    /// Where it varies: about its mean.
     pub(crate) radiance: Vec3,
+    /// Whether radiance has to be asked for at each point.
+    pub(crate) varies: bool,
     pub(crate) two_sided: bool,
     /// Index in the geometry.
     pub(crate) triangle: u32,
@@ -79,6 +100,12 @@ pub(crate) struct World<'s> {
     scene: &'s Scene,
     pub(crate) geometry: Geometry,
     placed: Vec<Placed>,
+    /// Those of the scene's surfaces, before textures.
+    materials: Vec<Material>,
+    /// Whether any surface is painted: only then do cones matter.
+    pub(crate) painted: bool,
+    /// Whether any surface has holes or is partly there.
+    has_coverage: bool,
     pub(crate) emissive: Vec<EmissiveTriangle>,
     pub(crate) lights: Vec<PointlikeLight>,
     pub(crate) environment_scale: f32,
@@ -93,13 +120,15 @@ impl<'s> World<'s> {
     /// Indices that name nothing; positions, transforms or lights that are not finite.
     pub(crate) fn new(scene: &'s Scene, frame: i64) -> Result<Self, SceneError> {
         check_indices(scene)?;
+        appearance::prepare_images(scene);
+        let materials: Vec<Material> = scene.surfaces.iter().map(appearance::plain_material).collect();
         let now = frame as f64;
         let before = now - 1.0;
         let not_finite = |what: String| SceneError::NotFinite { what, frame };
         let mut placed = Vec::with_capacity(scene.instances.len());
         let mut triangles = Vec::new();
         let mut sources = Vec::new();
-        // (number in `triangles`, radiance, two-sided)
+        // (number in `triangles`, radiance, varies, two-sided, handedness)
         let mut emitting = Vec::new();
         let mut degenerate_triangles = 0;
         for (index, instance) in scene.instances.iter().enumerate() {
@@ -110,7 +139,8 @@ impl<'s> World<'s> {
             if !(transform.is_finite() && previous_transform.is_finite()) {
                 return Err(not_finite(format!("the transform of instance {index}")));
             }
-            let material = &scene.surfaces[instance.surface].material;
+            let surface = &scene.surfaces[instance.surface];
+            let material = &materials[instance.surface];
             if !(emission_scale.is_finite() && material.emission.is_finite() && emission_scale >= 0.0) {
                 return Err(not_finite(format!("the emission of instance {index}")));
             }
@@ -145,6 +175,9 @@ impl<'s> World<'s> {
                 Mat3A::from_cols(m.y_axis.cross(m.z_axis), m.z_axis.cross(m.x_axis), m.x_axis.cross(m.y_axis))
                     * handedness;
             let radiance = material.emission * emission_scale;
+            let coverage = appearance::coverage(scene, surface, mesh);
+            let spot = |corners| Spot { scene, surface, mesh, corners, weights: Vec2::ZERO };
+            let varies = spot([0; 3]).emission_varies() || coverage != Coverage::Full;
             for (number, corners) in mesh.triangles.iter().enumerate() {
                 let v = corners.map(|i| world[i as usize].into());
                 let triangle = Triangle { v };
@@ -154,21 +187,35 @@ impl<'s> World<'s> {
                     continue;
                 }
                 if radiance.max_element() > 0.0 {
-                    emitting.push((triangles.len(), radiance, material.two_sided_emission, handedness));
+                    let mean = if varies { radiance * spot(*corners).mean_emission() } else { radiance };
+                    if mean.max_element() > 0.0 {
+                        emitting.push((triangles.len(), mean, varies, material.two_sided_emission, handedness));
+                    }
                 }
                 triangles.push(triangle);
                 sources.push(TriangleSource { instance: index as u32, triangle: number as u32 });
             }
-            placed.push(Placed { transform, previous_transform, normal_matrix, handedness, deformed, emission_scale });
+            let painted = surface.textures.is_some() || !mesh.colors.is_empty();
+            placed.push(Placed {
+                transform,
+                previous_transform,
+                normal_matrix,
+                handedness,
+                deformed,
+                emission_scale,
+                painted,
+                coverage,
+            });
         }
         let corners_of: Vec<[Vec3; 3]> = emitting.iter().map(|(n, ..)| triangles[*n].v.map(Vec3::from)).collect();
         let geometry = Geometry::new(triangles, sources);
         let emissive = emitting
             .into_iter()
             .zip(corners_of)
-            .map(|((n, radiance, two_sided, handedness), [a, b, c])| EmissiveTriangle {
+            .map(|((n, radiance, varies, two_sided, handedness), [a, b, c])| EmissiveTriangle {
                 corners: if handedness < 0.0 { [a, c, b] } else { [a, b, c] },
                 radiance,
+                varies,
                 two_sided,
                 triangle: geometry.position_of(n),
             })
@@ -196,16 +243,109 @@ impl<'s> World<'s> {
         if !(environment_scale.is_finite() && environment_scale >= 0.0) {
             return Err(not_finite("the scale of the environment".to_owned()));
         }
-        Ok(Self { scene, geometry, placed, emissive, lights, environment_scale, degenerate_triangles })
+        Ok(Self {
+            scene,
+            geometry,
+            painted: placed.iter().any(|p| p.painted),
+            has_coverage: placed.iter().any(|p| p.coverage != Coverage::Full),
+            placed,
+            materials,
+            emissive,
+            lights,
+            environment_scale,
+            degenerate_triangles,
+        })
     }
 
     fn mesh(&self, instance: u32) -> &'s Mesh {
         &self.scene.meshes[self.scene.instances[instance as usize].mesh]
     }
 
-    /// What a ray met. `direction` is the ray's.
+    /// A point of a triangle of the geometry.
+    fn spot(&self, triangle: u32, weights: Vec2) -> Spot<'s> {
+        let source = self.geometry.source(triangle);
+        let instance = &self.scene.instances[source.instance as usize];
+        let mesh = &self.scene.meshes[instance.mesh];
+        Spot {
+            scene: self.scene,
+            surface: &self.scene.surfaces[instance.surface],
+            mesh,
+            corners: mesh.triangles[source.triangle as usize],
+            weights,
+        }
+    }
+
+    fn coverage(&self, triangle: u32) -> Coverage {
+        self.placed[self.geometry.source(triangle).instance as usize].coverage
+    }
+
+    /// Share of a point that a surface covers: below 1 only where it blends.
+    pub(crate) fn opacity(&self, hit: &Hit) -> f32 {
+        if !self.has_coverage || self.coverage(hit.triangle) != Coverage::Blend {
+            return 1.0;
+        }
+        self.spot(hit.triangle, hit.barycentric).opacity()
+    }
+
+    fn is_there(&self, triangle: u32, weights: Vec2, veils: Veils) -> bool {
+        match (self.coverage(triangle), veils) {
+            (Coverage::Full, _) => true,
+            (Coverage::Mask(cutoff), _) => self.spot(triangle, weights).opacity() >= cutoff,
+            (Coverage::Blend, Veils::All) => self.spot(triangle, weights).opacity() > 0.0,
+            (Coverage::Blend, Veils::Chance(seed)) => {
+                let source = self.geometry.source(triangle);
+                let key = (u64::from(source.instance) << 32) | u64::from(source.triangle);
+                let chance = (crate::sampler::mix(seed ^ crate::sampler::mix(key)) >> 40) as f32 / (1 << 24) as f32;
+                chance < self.spot(triangle, weights).opacity()
+            }
+        }
+    }
+
+    /// Which veils a ray of a stream meets.
     #[inline]
-    pub(crate) fn surface_point(&self, hit: &Hit, direction: Vec3) -> SurfacePoint {
+    pub(crate) fn veils(&self, sampler: &Sampler, direction: Vec3) -> Veils {
+        // Without veils the hash would be wasted.
+        Veils::Chance(if self.has_coverage { sampler.ray_seed(direction) } else { 0 })
+    }
+
+    /// The nearest surface along a unit direction.
+    #[inline]
+    pub(crate) fn closest(&self, origin: Vec3, direction: Vec3, veils: Veils) -> Option<Hit> {
+        if !self.has_coverage {
+            return self.geometry.closest(origin, direction);
+        }
+        self.geometry.closest_where(origin, direction, |triangle, weights| self.is_there(triangle, weights, veils))
+    }
+
+    /// True where something lies between the origin and `distance` along a unit direction (infinite: anywhere).
+    #[inline]
+    pub(crate) fn occluded(&self, origin: Vec3, direction: Vec3, distance: f32, veils: Veils) -> bool {
+        if !self.has_coverage {
+            return self.geometry.occluded(origin, direction, distance);
+        }
+        let there = |triangle, weights| self.is_there(triangle, weights, veils);
+        self.geometry.occluded_where(origin, direction, distance, there)
+    }
+
+    /// Radiance of a point of an emissive triangle (weights of its corners in the order of [`EmissiveTriangle`]) at the
+    /// finest level, times the share of the point that is there.
+    pub(crate) fn radiance_of(&self, triangle: u32, weights: Vec3) -> Vec3 {
+        let source = self.geometry.source(triangle);
+        let placed = &self.placed[source.instance as usize];
+        let weights = if placed.handedness < 0.0 { Vec2::new(weights.z, weights.y) } else { weights.yz() };
+        let spot = self.spot(triangle, weights);
+        let material = &self.materials[self.scene.instances[source.instance as usize].surface];
+        let share = match placed.coverage {
+            Coverage::Full => 1.0,
+            Coverage::Mask(cutoff) => f32::from(u8::from(spot.opacity() >= cutoff)),
+            Coverage::Blend => spot.opacity(),
+        };
+        material.emission * placed.emission_scale * spot.emission(None) * share
+    }
+
+    /// What a ray met. `direction` is the ray's, `cone` what it stands for where it starts.
+    #[inline]
+    pub(crate) fn surface_point(&self, hit: &Hit, direction: Vec3, cone: Cone) -> SurfacePoint {
         let source = self.geometry.source(hit.triangle);
         let placed = &self.placed[source.instance as usize];
         let mesh = self.mesh(source.instance);
@@ -230,7 +370,26 @@ impl<'s> World<'s> {
         };
         let instance = &self.scene.instances[source.instance as usize];
         let surface = &self.scene.surfaces[instance.surface];
-        let mut material = surface.material;
+        let mut material = self.materials[instance.surface];
+        let cone = cone.at(hit.t);
+        let mut shading_normal = shading_normal;
+        if placed.painted {
+            let spot = Spot { scene: self.scene, surface, mesh, corners, weights: hit.barycentric };
+            let footprint = Footprint::new(cone, [a, b, c], geometric_normal, direction);
+            spot.paint(&mut material, &footprint, cone);
+            if let Some(map) = surface.textures.as_ref().and_then(|t| t.normal.as_ref()) {
+                let frame = Frame {
+                    corners: [a, b, c],
+                    normal: shading_normal,
+                    world_from_mesh: Mat3::from(placed.transform.matrix3),
+                    handedness: placed.handedness,
+                    deformed: placed.deformed.is_some(),
+                };
+                let mapped = spot.mapped_normal(map, &footprint, &frame);
+                let side = if geometric_normal.dot(direction) < 0.0 { 1.0 } else { -1.0 };
+                shading_normal = appearance::usable_normal(mapped * side, geometric_normal * side, -direction) * side;
+            }
+        }
         if !matches!(surface.pattern, crate::pattern::Pattern::Plain) {
             let uv = if mesh.uvs.is_empty() {
                 Vec2::ZERO
@@ -252,6 +411,7 @@ impl<'s> World<'s> {
             triangle: hit.triangle,
             instance: source.instance,
             barycentric: hit.barycentric,
+            cone,
         }
     }
 

@@ -54,6 +54,11 @@ impl Level {
         linear(self.texels[y * self.width + x], encoding)
     }
 
+    /// Whether a texel's colours are all 0.
+    pub(super) fn is_black(&self, x: usize, y: usize) -> bool {
+        self.texels.get(y * self.width + x).is_none_or(|t| t[..3] == [0; 3])
+    }
+
     /// The value between the texels about `uv`, which is finite.
     #[inline]
     pub(super) fn filtered(&self, uv: Vec2, sampler: &Sampler, filter: Filter, encoding: Encoding) -> Vec4 {

@@ -101,6 +101,28 @@ impl Image {
         if share > 0.0 { fine.lerp(level(floor as usize + 1), share) } else { fine }
     }
 
+    /// Whether all colours between two corners of texture coordinates are 0, as far as a bounded search can tell: of
+    /// very large regions it says no.
+    pub(crate) fn is_black(&self, min: Vec2, max: Vec2) -> bool {
+        /// Texels that are looked at, at most.
+        const SEARCH: usize = 1 << 16;
+        let range = |low: f32, high: f32, extent: usize| -> Option<(i64, i64)> {
+            // One texel more on each side: what a blend of four reaches.
+            let (low, high) = ((low * extent as f32).floor() - 1.0, (high * extent as f32).ceil() + 1.0);
+            if !(low.abs() < 1e9 && high.abs() < 1e9) {
+                return None;
+            }
+            Some(if low < 0.0 || high > extent as f32 { (0, extent as i64) } else { (low as i64, high as i64) })
+        };
+        let (Some(x), Some(y)) = (range(min.x, max.x, self.width()), range(min.y, max.y, self.height())) else {
+            return false;
+        };
+        if ((x.1 - x.0) * (y.1 - y.0)) as usize > SEARCH {
+            return false;
+        }
+        (y.0..y.1).all(|y| (x.0..x.1).all(|x| self.base.is_black(x as usize, y as usize)))
+    }
+
     /// Alpha at `uv` of the finest level: what decides whether a ray meets a surface.
     pub fn alpha(&self, uv: Vec2, sampler: &Sampler) -> f32 {
         if self.opaque {

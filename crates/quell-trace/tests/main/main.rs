@@ -5,3 +5,4 @@ mod guides;
 mod mitsuba;
 mod robustness;
 mod scenes;
+mod textures;
