@@ -4,11 +4,14 @@
 //! World space has y up. Row 0 of a map is the zenith; the centre of the picture is the direction -z, and columns run
 //! clockwise seen from above (+x is a quarter of the width to the right).
 
+pub mod file;
+
 use crate::material::channel_mean;
 use crate::warp;
 use glam::{Vec2, Vec3};
 use quell::{Plane, Rgb, Size};
 use std::f64::consts::{PI, TAU};
+use std::sync::Arc;
 
 /// What is wrong with an environment map.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -80,7 +83,7 @@ pub struct Environment {
 #[derive(Clone, Debug)]
 enum Background {
     Constant(Vec3),
-    Map(Box<Map>),
+    Map(Arc<Map>),
 }
 
 /// A disc of constant radiance.
@@ -140,7 +143,7 @@ impl Environment {
         }
         let rotation = if rotation_rad.is_finite() { rotation_rad } else { 0.0 };
         let (map, mean_radiance) = Map::new(scaled, rotation);
-        Ok(Self { background: Background::Map(Box::new(map)), sun: None, sun_probability: 0.0, mean_radiance })
+        Ok(Self { background: Background::Map(Arc::new(map)), sun: None, sun_probability: 0.0, mean_radiance })
     }
 
     /// A clear sky: a gradient from horizon to zenith, an even ground, and a sun.
@@ -162,7 +165,7 @@ impl Environment {
         let mean_radiance = map_mean + sun_mean;
         let sun_share = channel_mean(sun_mean) / channel_mean(mean_radiance).max(f32::MIN_POSITIVE);
         Self {
-            background: Background::Map(Box::new(map)),
+            background: Background::Map(Arc::new(map)),
             sun,
             // Both parts keep a share, whatever their power: the weaker one may be what a surface sees.
             sun_probability: if sun.is_some() { sun_share.clamp(0.1, 0.9) } else { 0.0 },

@@ -25,7 +25,8 @@ pub struct Material {
     pub two_sided_emission: bool,
     /// Share of the matte part that is replaced by transmission, 0..1.
     pub transmission: f32,
-    /// Index of refraction, at least 1; sets the reflectance of the dielectric part at normal incidence (1.5: 0.04).
+    /// Index of refraction, at least 1; sets the reflectance of the dielectric part at normal incidence (1.5: 0.04). 0
+    /// stands for an infinite one (`KHR_materials_ior`): a reflectance of 1, which `specular_color` tints.
     pub ior: f32,
     /// A pane without inside: light passes straight through, and no medium begins behind the surface.
     pub thin_walled: bool,
@@ -35,7 +36,8 @@ pub struct Material {
     pub attenuation_distance: f32,
     /// Strength of the dielectric reflection, 0..1 (`KHR_materials_specular`); 1 is physical.
     pub specular: f32,
-    /// Tint of the dielectric reflection at normal incidence (`KHR_materials_specular`); white is physical.
+    /// Tint of the dielectric reflection at normal incidence, >= 0 (`KHR_materials_specular`); white is physical. Above 1
+    /// it brightens, up to a reflectance of 1.
     pub specular_color: Vec3,
 }
 

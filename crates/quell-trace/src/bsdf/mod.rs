@@ -144,7 +144,9 @@ impl Bsdf {
             (true, false) => ior,
             (true, true) => 1.0 / ior,
         };
-        let dielectric_f0 = unit_color(fresnel::f0_of_ior(ior) * material.specular_color * specular);
+        // Index 0 stands for an infinite one: what mirrors follows from the specular colour alone.
+        let reflectance = if material.ior == 0.0 { 1.0 } else { fresnel::f0_of_ior(ior) };
+        let dielectric_f0 = unit_color(reflectance * material.specular_color) * specular;
         let f0 = dielectric_f0.lerp(base_color, metallic);
         let f90 = Vec3::splat(specular + (1.0 - specular) * metallic);
         let fresnel = Fresnel::new(f0, f90, eta, roughness, model);

@@ -199,6 +199,42 @@ fn index_and_specular_set_the_reflectance_at_normal_incidence() {
 }
 
 #[test]
+fn specular_follows_the_extensions_at_their_limits() {
+    let base = dielectric(0.5);
+    let at = |material: Material, cos| bsdf(&material, 1.0).fresnel(cos);
+    // F0 = min(((n - 1) / (n + 1))^2 specular colour, 1) specular, F90 = specular.
+    let bright = Material { specular_color: Vec3::new(50.0, 10.0, 0.0), specular: 0.5, ..base };
+    assert!(at(bright, 1.0).abs_diff_eq(Vec3::new(0.5, 0.2, 0.0), 1e-6));
+    assert!(at(bright, 0.0).abs_diff_eq(Vec3::splat(0.5), 1e-6));
+    // An index of 0, as converted specular-glossiness materials have it.
+    let converted = Material { ior: 0.0, specular_color: Vec3::new(0.3, 0.6, 1.0), ..base };
+    assert!(at(converted, 1.0).abs_diff_eq(converted.specular_color, 1e-6));
+    // The index shows without transmission as well, and 1 has no interface at normal incidence.
+    assert_eq!(at(Material { ior: 1.0, ..base }, 1.0), Vec3::ZERO);
+    for material in [bright, converted, Material { ior: 2.4, ..base }, Material { specular: 0.3, ior: 1.9, ..base }] {
+        let n = 24;
+        let mut albedo = Vec3::ZERO;
+        for i in 0..n {
+            let seen = bsdf(&material, ((i as f32 + 0.5) / n as f32).sqrt());
+            albedo += directional_albedo(&seen, Lobe::Matte, 32) + directional_albedo(&seen, Lobe::Glossy, 32);
+        }
+        assert!((albedo / n as f32).max_element() <= 1.01, "{material:?}: {albedo}");
+    }
+}
+
+#[test]
+fn black_glass_is_a_mirror_that_lets_nothing_through() {
+    for thin_walled in [false, true] {
+        let material = Material { base_color: Vec3::ZERO, thin_walled, ..glass(0.0) };
+        let bsdf = bsdf(&material, 0.5);
+        assert!(!bsdf.is_transmissive() && bsdf.is_delta_only() && bsdf.is_mirror());
+        assert!(bsdf.sample_transmission(Vec2::ZERO).is_none());
+        let energy = mean(4096, |u| bsdf.sample_full(u).map_or(Vec3::ZERO, |s| s.value_times_cos_over_pdf));
+        assert!((energy - bsdf.fresnel_at_mirror()).abs().max_element() < 1e-5, "{energy}");
+    }
+}
+
+#[test]
 fn reflection_is_reciprocal() {
     let mut noise = Noise::new(11);
     for roughness in [0.1, 0.4, 1.0] {
