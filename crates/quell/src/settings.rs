@@ -451,6 +451,9 @@ parameters! {
             higher "Looser clamp.", lower "Tighter clamp.", source "[O]";
         hit_filter: HitFilter = HitFilter::Min, (), "", "Filter of the hit distance over 3x3 before use.",
             higher "`min` and `median` keep the virtual point from jittering.", lower "`off`.", source "[I]";
+        curvature: bool = true, (), "", "On curved reflectors history is fetched where the previous surface reflected the same point.",
+            higher "Curved mirrors keep their images.", lower "As in the paper: every reflector counts as plane, images in curved ones smear.",
+            source "ours, named departure: `docs/paper.md`";
         max_hit_distance: f32 = 1000.0, 0.0..=1e6, "of view depth", "Hit distances beyond it count as it.",
             higher "Distant reflections move by rotation only.", lower "They move with the surface.", source "[E] 1000 units";
         reflector_normal_min: f32 = 0.9, -1.0..=1.0, "cosine", "Least cosine between normals for taps to lie on the same reflector.",
@@ -464,6 +467,9 @@ parameters! {
             higher "On.", lower "The ablation without spatial filters (with stages 4 and 7).", source "[S]";
         radius: GlossyRadius = GlossyRadius::Footprint, (), "", "How the kernel is sized.",
             higher "`footprint` keeps mirrors sharp.", lower "`constant` blurs every gloss alike.", source "[O]; [E] constant";
+        curvature: bool = true, (), "", "The footprint shrinks where the surface bends along the axis.",
+            higher "Curved glossy surfaces keep their reflections.", lower "They are blurred like plane ones.",
+            source "ours, named departure: `docs/paper.md`";
         max_radius: f32 = 12.0, 0.0..=64.0, "pixels at 720 rows", "Largest radius.",
             higher "Smoother rough reflections.", lower "Noisier ones.", source "[O] 12";
         min_radius: f32 = 0.5, 0.0..=8.0, "pixels", "Below it nothing is filtered.",

@@ -21,7 +21,7 @@ use crate::pipeline::{Image, Plan, Stage, Step};
 use crate::plane::{Plane, Size};
 use crate::report::StageTimes;
 use crate::settings::Settings;
-use crate::stages::glossy_bilateral::reference::Axis;
+use crate::stages::glossy_bilateral::Axis;
 use buffers::Buffers;
 use fearless_simd::Level;
 use guides::{CpuGuides, copy_colours, read_colours};
@@ -273,12 +273,14 @@ impl Cpu {
                     Some(radius) => radius,
                     None => {
                         let mut scratch = self.buffers.take(pixels, 1);
-                        let (radius, rest) = scratch.elements_mut().split_at_mut(pixels);
-                        glossy_bilateral::radius(level, guides, stage, radius, &mut rest[..pixels]);
+                        let (across, rest) = scratch.elements_mut().split_at_mut(pixels);
+                        let (down, rest) = rest.split_at_mut(pixels);
+                        glossy_bilateral::radius(level, guides, stage, (across, down), &mut rest[..pixels]);
                         scratch
                     }
                 };
-                let radius = &scratch.elements_mut()[..pixels];
+                let first = if axis == Axis::Horizontal { 0 } else { pixels };
+                let radius = &scratch.elements_mut()[first..][..pixels];
                 let filter = glossy_bilateral::Filter { level, guides, settings, axis, radius };
                 glossy_bilateral::run(&filter, &input, &mut output);
                 match axis {

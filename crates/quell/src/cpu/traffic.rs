@@ -38,8 +38,8 @@ pub fn bytes_per_pixel(plan: &Plan, settings: &Settings, stage: Stage) -> Option
             8 * SCALAR + 3 * COLOUR + SCALAR + floored
         }
         Stage::Firefly => 2 * COLOUR + SCALAR,
-        // With the radius: nearness from depth and hit distance, then the mean with depth, identity and roughness.
-        Stage::GlossyHorizontal => filtered + SCALAR + 8 * SCALAR,
+        // With both radii: nearness from depth and hit distance, then with it the surfaces and their roughness.
+        Stage::GlossyHorizontal => filtered + SCALAR + 3 * SCALAR + SCALAR + SURFACE + ROUGHNESS + 2 * SCALAR,
         Stage::GlossyVertical => filtered + SCALAR,
         Stage::DirectTaa => 3 * COLOUR + SCALAR + MOTION,
         Stage::Composite => {

@@ -2,7 +2,7 @@
 
 use super::math::smoothstep;
 use crate::border::Guides;
-use crate::settings::{GlossyTemporal, HitFilter, Rejection, Settings, Surface as SurfaceSettings};
+use crate::settings::{GlossyTemporal, HitFilter, REFERENCE_ROWS, Rejection, Settings, Surface as SurfaceSettings};
 use glam::{Vec2, Vec3};
 
 /// The surface that history must show: where it was, as far as motion tells.
@@ -200,6 +200,63 @@ pub fn virtual_coordinate(
         }
     };
     before.map(|p| p + from_sample_to_centre).filter(|p| p.is_finite())
+}
+
+/// A bent reflector's image is not looked for farther than this from the surface's own place, pixels at 720 rows: one
+/// step of Newton's method does not reach farther, and bumps would send it anywhere.
+pub const FARTHEST_BENT_PX: f32 = 32.0;
+/// Least squared sine of the angle between the two directions in which the reflected ray turns.
+pub const LEAST_BENT_DETERMINANT: f32 = 1e-4;
+
+/// Step 2, glossy, on a curved reflector: the place in the previous image whose surface reflected the same hit point
+/// into the eye. `None` where the four pixels at the surface's old place (`visible`) have one normal: plane.
+///
+/// At each of the four the reflected previous eye ray misses the hit point by some angle; that miss is taken as linear
+/// in the place, and its zero is the answer: one step of Newton's method, which knows both curvatures, and motion of
+/// reflector and camera. Where it fails (silhouettes, focus, bumps) it is the surface's own place.
+pub fn bent_coordinate(
+    now: &Guides,
+    before: &Guides,
+    expected: &Expected,
+    visible: &Lookup,
+    hit_distance: f32,
+    x: usize,
+    y: usize,
+) -> Option<Vec2> {
+    let seen = |k: usize| visible.weight[k] > 0.0;
+    let pixel = |k: usize| (visible.index[k] % now.size.width, visible.index[k] / now.size.width);
+    let normal = |k: usize| Vec3::from(before.normal.data()[visible.index[k]]);
+    let first = (0..4).find(|k| seen(*k))?;
+    if (0..4).all(|k| !seen(k) || (normal(k) - normal(first)).length() <= SAME_NORMAL) {
+        return None;
+    }
+    let surface = expected.coordinate;
+    if !(0..4).all(seen) {
+        return Some(surface);
+    }
+    let eye_ray = now.view.ray_direction(now.sample_position(x, y)).normalize();
+    let own_normal = Vec3::from(now.normal.at(x, y));
+    let reflected = eye_ray - 2.0 * eye_ray.dot(own_normal) * own_normal;
+    let hit = now.world(x, y) + reflected * hit_distance;
+    let miss = |k: usize| {
+        let (px, py) = pixel(k);
+        let ray = before.view.ray_direction(before.sample_position(px, py)).normalize();
+        let away = ray - 2.0 * ray.dot(normal(k)) * normal(k);
+        let wanted = if hit_distance.is_finite() { (hit - before.world(px, py)).normalize() } else { reflected };
+        wanted - away
+    };
+    let [f0, f1, f2, f3] = [miss(0), miss(1), miss(2), miss(3)];
+    let middle = 0.25 * ((f0 + f1) + (f2 + f3));
+    let du = 0.5 * ((f1 - f0) + (f3 - f2));
+    let dv = 0.5 * ((f2 - f0) + (f3 - f1));
+    let (a, b, c) = (du.dot(du), du.dot(dv), dv.dot(dv));
+    let (p, q) = (du.dot(middle), dv.dot(middle));
+    let determinant = a * c - b * b;
+    let step = Vec2::new(b * q - c * p, b * p - a * q) / determinant;
+    let place = (surface - 0.5).floor() + 1.0 + step;
+    let farthest = FARTHEST_BENT_PX * now.size.height as f32 / REFERENCE_ROWS;
+    let good = determinant > LEAST_BENT_DETERMINANT * a * c && (place - surface).length() <= farthest;
+    Some(if good { place } else { surface })
 }
 
 /// The glossy hit distance of pixel (x, y) after the 3x3 filter over the same reflector.

@@ -5,8 +5,9 @@ use super::math::three;
 use crate::camera::Projection;
 use crate::cpu::guides::{CpuGuides, Surfaces, field};
 use crate::cpu::layout::copy;
+use crate::kernels::reproject::{FARTHEST_BENT_PX, LEAST_BENT_DETERMINANT};
 use crate::kernels::spiral::PERIOD;
-use crate::settings::{HitFilter, Rejection, Settings, Surface as SurfaceSettings};
+use crate::settings::{HitFilter, REFERENCE_ROWS, Rejection, Settings, Surface as SurfaceSettings};
 use glam::{Vec2, Vec3};
 
 /// Pixels that are looked up together.
@@ -45,6 +46,8 @@ pub(crate) struct Expected {
     pub alive: [u32; LANES],
     /// 1: it moved by itself.
     pub moved: [u32; LANES],
+    /// 1: its previous pixels have different normals, as [`previous_reflectors`] finds.
+    pub bent: [u32; LANES],
 }
 
 impl Expected {
@@ -64,6 +67,7 @@ impl Expected {
             was_facing: [[0.0; LANES]; 3],
             alive: [0; LANES],
             moved: [0; LANES],
+            bent: [0; LANES],
         }
     }
 
@@ -154,6 +158,7 @@ impl Expected {
         }
         self.was_facing = self.normal;
         self.moved = [0; LANES];
+        self.bent = [0; LANES];
     }
 
     /// Motion tells the pixel but not the depth: the nearest previous pixel of the same object anchors the plane.
@@ -535,6 +540,11 @@ pub(crate) fn previous_reflectors(
                 normal[c] = if weight > 0.0 { normal[c] + weight * footprint.normal[k][c][i] } else { normal[c] };
             }
         }
+        let mut first = [0.0; 3];
+        for k in [3, 2, 1, 0] {
+            let seen = visible.weight[k][i] > 0.0;
+            first = three(|c| if seen { footprint.normal[k][c][i] } else { first[c] });
+        }
         let scale = 1.0 / dot(normal, normal).sqrt();
         let known = (scale > 0.0) & (scale < f32::INFINITY);
         let normal = three(|c| if known { normal[c] * scale } else { 0.0 });
@@ -547,6 +557,12 @@ pub(crate) fn previous_reflectors(
             let d = squared_distance(lane(&footprint.normal[k], i));
             spread = if (visible.weight[k][i] > 0.0) & (d > spread) { d } else { spread };
         }
+        let mut bent = false;
+        for k in 0..4 {
+            let difference = three(|c| footprint.normal[k][c][i] - first[c]);
+            bent |= (visible.weight[k][i] > 0.0) & (dot(difference, difference).sqrt() > SAME_NORMAL);
+        }
+        e.bent[i] = u32::from(bent) & alive[i];
         let turned = squared_distance(lane(&e.normal, i)).sqrt() > spread.sqrt() + SAME_NORMAL;
         let offset = three(|c| e.position[c][i] - position[c]);
         let shifted = dot(offset, normal).abs() > SAME_PLANE_PX * guides.now.view.pixel_size(e.depth[i]);
@@ -601,6 +617,83 @@ pub(crate) fn virtual_coordinates<const MOVED: bool>(
         coordinate[1][i] = cy;
         let on_screen = (cx >= guard) & (cy >= guard) & (cx <= width - guard) & (cy <= height - guard);
         alive[i] &= u32::from(ahead & on_screen);
+    }
+}
+
+/// `bent_coordinate` of lanes that show a curved reflector, over what `coordinate` holds for plane ones. `footprint`
+/// and `visible` are those of the surface's own place; `hit`: filtered hit distances.
+#[inline(always)]
+pub(crate) fn bent_coordinates(
+    guides: &CpuGuides,
+    settings: &Settings,
+    e: &Expected,
+    (footprint, visible): (&Footprint, &Lookup),
+    hit: &Lanes,
+    coordinate: &mut [Lanes; 2],
+    alive: &mut [u32; LANES],
+) {
+    let (now, before) = (&guides.now, &guides.before);
+    let (width, height) = (guides.phases.size.width as f32, guides.phases.size.height as f32);
+    let guard = settings.surface.guard_band;
+    let farthest = FARTHEST_BENT_PX * height / REFERENCE_ROWS;
+    let direction = |view: &Projection, u: f32, v: f32| {
+        let d = &view.direction;
+        let ray = three(|c| d[0][c] + d[1][c] * u + d[2][c] * v);
+        let scale = 1.0 / dot(ray, ray).sqrt();
+        three(|c| ray[c] * scale)
+    };
+    let v = e.y as f32 + 0.5 + now.jitter.y;
+    // Where the reflected previous eye rays miss the hit points, at each of the four pixels.
+    let mut misses = [[[0.0; LANES]; 3]; 4];
+    let mut reflected = [[0.0; LANES]; 3];
+    let mut hits = [[0.0; LANES]; 3];
+    for i in 0..LANES {
+        let ray = direction(&now.view, e.x[i] + 0.5 + now.jitter.x, v);
+        let normal = lane(&e.normal, i);
+        let twice = 2.0 * dot(ray, normal);
+        for c in 0..3 {
+            reflected[c][i] = ray[c] - twice * normal[c];
+            hits[c][i] = e.position[c][i] + reflected[c][i] * hit[i];
+        }
+    }
+    for (k, miss) in misses.iter_mut().enumerate() {
+        for i in 0..LANES {
+            let (u, v) = (footprint.column[k][i] + 0.5 + before.jitter.x, footprint.row[k][i] + 0.5 + before.jitter.y);
+            let ray = direction(&before.view, u, v);
+            let normal = lane(&footprint.normal[k], i);
+            let twice = 2.0 * dot(ray, normal);
+            let to_hit = three(|c| hits[c][i] - footprint.position[k][c][i]);
+            let scale = 1.0 / dot(to_hit, to_hit).sqrt();
+            let finite = hit[i] < f32::INFINITY;
+            for c in 0..3 {
+                let wanted = if finite { to_hit[c] * scale } else { reflected[c][i] };
+                miss[c][i] = wanted - (ray[c] - twice * normal[c]);
+            }
+        }
+    }
+    for i in 0..LANES {
+        let [f0, f1, f2, f3] = [0, 1, 2, 3].map(|k| lane(&misses[k], i));
+        let middle = three(|c| 0.25 * ((f0[c] + f1[c]) + (f2[c] + f3[c])));
+        let du = three(|c| 0.5 * ((f1[c] - f0[c]) + (f3[c] - f2[c])));
+        let dv = three(|c| 0.5 * ((f2[c] - f0[c]) + (f3[c] - f1[c])));
+        let (a, b, c) = (dot(du, du), dot(du, dv), dot(dv, dv));
+        let (p, q) = (dot(du, middle), dot(dv, middle));
+        let determinant = a * c - b * b;
+        let (sx, sy) = (e.coordinate[0][i], e.coordinate[1][i]);
+        let x = (sx - 0.5).floor() + 1.0 + (b * q - c * p) / determinant;
+        let y = (sy - 0.5).floor() + 1.0 + (b * p - a * q) / determinant;
+        let (dx, dy) = (x - sx, y - sy);
+        let whole = (visible.weight[0][i] > 0.0)
+            & (visible.weight[1][i] > 0.0)
+            & (visible.weight[2][i] > 0.0)
+            & (visible.weight[3][i] > 0.0);
+        let solved = (determinant > LEAST_BENT_DETERMINANT * a * c) & ((dx * dx + dy * dy).sqrt() <= farthest);
+        let (x, y) = if whole & solved { (x, y) } else { (sx, sy) };
+        let bent = e.bent[i] != 0;
+        coordinate[0][i] = if bent { x } else { coordinate[0][i] };
+        coordinate[1][i] = if bent { y } else { coordinate[1][i] };
+        let on_screen = (x >= guard) & (y >= guard) & (x <= width - guard) & (y <= height - guard);
+        alive[i] = if bent { u32::from((visible.trust[i] > 0.0) & on_screen) } else { alive[i] };
     }
 }
 

@@ -9,7 +9,7 @@ use crate::pipeline::{Image, Plan, Stage, Step};
 use crate::plane::{Plane, Size};
 use crate::report::StageTimes;
 use crate::settings::Settings;
-use crate::stages::glossy_bilateral::reference::Axis;
+use crate::stages::glossy_bilateral::Axis;
 use crate::stages::matte_temporal::reference::{Remembered, Temporal};
 use crate::stages::{
     composite, direct_taa, disocclusion, firefly, glossy_bilateral, glossy_temporal, matte_bilateral, matte_prefilter,

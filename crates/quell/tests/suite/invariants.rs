@@ -3,9 +3,12 @@
 use super::frames::*;
 use glam::{DVec2, DVec3, Vec2, Vec3};
 use quell::border::{PlaneName, Repair};
-use quell::kernels::reproject::{expected_surface, previous_reflector, surface_lookup, virtual_coordinate};
+use quell::kernels::reproject::{
+    bent_coordinate, expected_surface, previous_reflector, surface_lookup, virtual_coordinate,
+};
 use quell::pipeline::{Inputs, Plan, Stage};
 use quell::settings::{Clip, Feedback, FireflyInput, GlossyRadius, Median, PARAMETERS, Rejection};
+use quell::stages::glossy_bilateral::{Axis, KernelSize, radius_px};
 use quell::{Denoiser, FrameBuf, PassBuf, Plane, Rgb, Settings, Signal, Size};
 
 const SMALL: Size = Size::new(48, 32);
@@ -588,6 +591,122 @@ fn in_a_static_scene_both_forms_of_virtual_reprojection_agree() {
     let scene = mirror(moving, false, Noise::None);
     let (error, ..) = virtual_error(&scene, 7, &Settings::default(), true);
     assert!(error < 0.05, "{error}");
+}
+
+/// Errors, sorted, of the place of the image in a mirror sphere, against the place where the reflected previous eye ray
+/// meets the same point: as stage 8 finds it, and as if the sphere were plane.
+fn bent_errors(scene: &Scene, index: i64) -> [Vec<f32>; 2] {
+    let size = Size::new(96, 72);
+    let (then, now) = (scene.frame(size, index - 1), scene.frame(size, index));
+    let (before, guides) = (guides(&then), guides(&now));
+    let settings = Settings::default();
+    let away = |pixel: DVec2, time: f64| {
+        let (origin, direction, _) = scene.ray(size, pixel, time);
+        let hit = scene.trace(origin, direction, time)?;
+        Some((hit.position, direction - 2.0 * direction.dot(hit.normal) * hit.normal, hit.object))
+    };
+    let (time, past) = (index as f64, index as f64 - 1.0);
+    let mut errors = [Vec::new(), Vec::new()];
+    for y in 0..size.height {
+        for x in 0..size.width {
+            let Some(expected) = expected_surface(&guides, &before, &settings.surface, x, y) else { continue };
+            let visible = surface_lookup(&guides, &before, &settings.surface, &expected, x, y);
+            let (position, direction, object) = away(DVec2::new(x as f64 + 0.5, y as f64 + 0.5), time).unwrap();
+            if visible.trust <= 0.0 || object != 0 {
+                continue;
+            }
+            let hit = scene.trace(position, direction, time).map(|h| h.position);
+            // Newton's method, to the end and in double precision.
+            let miss = |pixel: DVec2| {
+                let (p, d, object) = away(pixel, past)?;
+                let wanted = hit.map_or(direction, |q| (q - p).normalize());
+                (object == 0).then_some(wanted - d)
+            };
+            let step = 1e-4;
+            let mut exact = expected.coordinate.as_dvec2();
+            let solved = (0..20).try_for_each(|_| {
+                let f = miss(exact)?;
+                let du = (miss(exact + DVec2::new(step, 0.0))? - f) / step;
+                let dv = (miss(exact + DVec2::new(0.0, step))? - f) / step;
+                let (a, b, c) = (du.dot(du), du.dot(dv), dv.dot(dv));
+                let (p, q) = (du.dot(f), dv.dot(f));
+                exact += DVec2::new(b * q - c * p, b * p - a * q) / (a * c - b * b);
+                Some(())
+            });
+            if solved.is_none() || miss(exact).is_none_or(|f| f.length() > 1e-9) {
+                continue; // its image was beyond the silhouette
+            }
+            let expected = previous_reflector(&guides, &before, &expected, &visible, x, y);
+            let distance = guides.glossy_hit.at(x, y);
+            // A single pixel of the footprint on the sphere tells no curvature.
+            let Some(bent) = bent_coordinate(&guides, &before, &expected, &visible, distance, x, y) else { continue };
+            errors[0].push((bent - exact.as_vec2()).length());
+            if let Some(plane) = virtual_coordinate(&guides, &settings.glossy_temporal, &expected, distance, x, y) {
+                errors[1].push((plane - exact.as_vec2()).length());
+            }
+        }
+    }
+    for errors in &mut errors {
+        errors.sort_by(f32::total_cmp);
+    }
+    errors
+}
+
+#[test]
+fn the_image_in_a_curved_mirror_is_found_where_it_was() {
+    for (name, room, turns) in [("under sky", false, 0.0), ("in a room", true, 0.0), ("turning in a room", true, 0.005)]
+    {
+        let mut scene = wall(moving, Noise::None);
+        scene.objects[0] = Object {
+            shape: Shape::Sphere(0.9),
+            id: 7,
+            roughness: 0.0,
+            pose: Box::new(move |t| glam::DAffine3::from_rotation_y(turns * t)),
+            light: even,
+        };
+        scene.objects.truncate(if room { 2 } else { 1 });
+        let [bent, plane] = bent_errors(&scene, 7);
+        let at = |errors: &[f32], share: f64| errors[(share * (errors.len() - 1) as f64) as usize];
+        assert!(bent.len() > 500, "{name}: {} pixels", bent.len());
+        // The outermost ring of pixels has no whole footprint on the sphere.
+        let (half, most) = (at(&bent, 0.5), at(&bent, 0.9));
+        assert!(half < 0.02 && most < 0.1, "{name}: half within {half} pixels, nine tenths within {most}");
+        // Canary: a plane mirror's image lies elsewhere.
+        assert!(at(&plane, 0.5) > 10.0 * half.max(0.01), "{name}: {} as if plane", at(&plane, 0.5));
+    }
+}
+
+#[test]
+fn the_glossy_kernel_covers_the_lobe_on_plane_and_curved_surfaces() {
+    let size = Size::new(96, 72);
+    let roughness = 0.2f32;
+    let settings = with_radius(Settings::default(), size, 32.0).glossy_bilateral;
+    let kernel = KernelSize::new(&settings, size.height);
+    for round in [false, true] {
+        let mut scene = wall(still, Noise::None);
+        scene.objects[0].roughness = roughness;
+        if round {
+            scene.objects[0].shape = Shape::Sphere(0.9);
+        }
+        let guides = guides(&scene.frame(size, 0));
+        let reflection = |x: usize, y: usize| {
+            let (origin, direction, _) = scene.ray(size, DVec2::new(x as f64 + 0.5, y as f64 + 0.5), 0.0);
+            let first = scene.trace(origin, direction, 0.0).unwrap();
+            let away = direction - 2.0 * direction.dot(first.normal) * first.normal;
+            let second = scene.trace(first.position + first.normal * 1e-9, away, 0.0).unwrap();
+            (second.position, away, second.distance)
+        };
+        for (x, y) in [(48, 36), (42, 38), (50, 31)] {
+            for (axis, (nx, ny)) in [(Axis::Horizontal, (x + 1, y)), (Axis::Vertical, (x, y + 1))] {
+                let (here, away, distance) = reflection(x, y);
+                let moved = reflection(nx, ny).0 - here;
+                let sideways = (moved - moved.dot(away) * away).length();
+                let exact = 2.0 * f64::from(roughness * roughness) * distance / sideways;
+                let found = f64::from(radius_px(&settings, &kernel, &guides, axis, x, y));
+                assert!((found / exact - 1.0).abs() < 0.15, "round {round}, {axis:?} at {x}, {y}: {found} for {exact}");
+            }
+        }
+    }
 }
 
 #[test]

@@ -8,11 +8,11 @@ use crate::kernels::edge_cpu::{Centres, Gains, RUN, Run, Tap, run_length, weight
 use crate::kernels::math::three;
 use crate::kernels::spiral::PERIOD;
 use crate::settings::{GlossyBilateral, OffScreen, Settings};
+use crate::stages::glossy_bilateral::Axis;
 use crate::stages::glossy_bilateral::KernelSize;
 use crate::stages::glossy_bilateral::cpu::{
-    GENTLE_SIGMA, add_neighbours, admit, exponents, finish, gaussian, nearness, radii,
+    GENTLE_SIGMA, add_neighbours, admit, bend_to, exponents, finish, gaussian, nearness, radii,
 };
-use crate::stages::glossy_bilateral::reference::Axis;
 use crate::stages::matte_prefilter::cpu::{gather, invert};
 use fearless_simd::{Level, dispatch};
 
@@ -23,16 +23,16 @@ pub(crate) struct Filter<'a> {
     pub guides: &'a CpuGuides,
     pub settings: &'a Settings,
     pub axis: Axis,
-    /// Of every pixel, as [`radii`] finds it.
+    /// Of every pixel along that axis, as [`radii`] finds it.
     pub radius: &'a [f32],
 }
 
-/// The kernel's radius at every pixel, in `result`; `scratch` is as long.
+/// The kernel's radius at every pixel along both axes, in `across` and `down`; `scratch` is as long.
 pub(crate) fn radius(
     level: Level,
     guides: &CpuGuides,
     settings: &GlossyBilateral,
-    result: &mut [f32],
+    (across, down): (&mut [f32], &mut [f32]),
     scratch: &mut [f32],
 ) {
     let phases = guides.phases;
@@ -42,13 +42,20 @@ pub(crate) fn radius(
     if let Some(hit) = hit {
         rows::each(scratch, width, |y, out| {
             let at = y * width..(y + 1) * width;
-            dispatch!(level, _simd => nearness(view.perspective, &guides.now.depth[at.clone()], &hit[at.clone()], out));
+            dispatch!(level, _simd => nearness(view.perspective, &guides.now.depth[at.clone()], &hit[at], out));
         });
     }
     let near = &*scratch;
-    rows::each(result, width, |y, out| {
+    let now = &guides.now;
+    // Depth, identity and normal of elements `first..first + n` of row `y`.
+    let surfaces = |y: usize, first: usize, n: usize| {
+        let depth = &field(&now.depth, width, 1, y, 0)[first..][..n];
+        let id = &field(&now.id, width, 1, y, 0)[first..][..n];
+        (depth, id, three(|c| &field(&now.normal, width, 3, y, c)[first..][..n]))
+    };
+    rows::zip2((across, down), [width, width], |y, across, down| {
         dispatch!(level, _simd => {
-            let own = field(&guides.now.id, width, 1, y, 0);
+            let own = field(&now.id, width, 1, y, 0);
             for phase in 0..PERIOD {
                 let begin = phases.range(phase).start;
                 for first in (0..phases.count(phase)).step_by(RUN) {
@@ -60,7 +67,7 @@ pub(crate) fn radius(
                             for dx in -1..=1 {
                                 let Some(span) = phases.shifted(phase, first, n, dx) else { continue };
                                 let q = ty * width + span.source..ty * width + span.source + span.len;
-                                let planes = (&guides.now.depth[q.clone()], &guides.now.id[q.clone()], &near[q]);
+                                let planes = (&now.depth[q.clone()], &now.id[q.clone()], &near[q]);
                                 let lanes = span.first..span.first + span.len;
                                 let own = &own[at + span.first..][..span.len];
                                 add_neighbours(planes, own, &mut sum[lanes.clone()], &mut count[lanes]);
@@ -72,9 +79,22 @@ pub(crate) fn radius(
                     } else {
                         sum = [1.0; RUN];
                     }
-                    let here = y * width + at..y * width + at + n;
-                    let planes = (&guides.now.depth[here.clone()], &guides.now.roughness[here], &sum[..n]);
-                    radii(settings, &kernel, view.focal_px, guides.has_roughness, planes, &mut out[at..][..n]);
+                    let (depth, _, normal) = surfaces(y, at, n);
+                    let roughness = &field(&now.roughness, width, 1, y, 0)[at..][..n];
+                    let sides = [[(-1, 0), (1, 0)], [(0, -1), (0, 1)]];
+                    for (neighbours, out) in sides.into_iter().zip([&mut *across, &mut *down]) {
+                        let mut bend = [0.0; RUN];
+                        for (dx, dy) in neighbours.into_iter().filter(|_| settings.curvature) {
+                            let Some(ty) = y.checked_add_signed(dy).filter(|ty| *ty < height) else { continue };
+                            let Some(span) = phases.shifted(phase, first, n, dx) else { continue };
+                            let lanes = span.first..span.first + span.len;
+                            let own_normal = normal.map(|c| &c[lanes.clone()]);
+                            let own = (&own[at + span.first..][..span.len], own_normal);
+                            bend_to(surfaces(ty, span.source, span.len), own, &mut bend[lanes]);
+                        }
+                        let planes = (depth, roughness, &sum[..n], &bend[..n]);
+                        radii(settings, &kernel, view.focal_px, guides.has_roughness, planes, &mut out[at..][..n]);
+                    }
                 }
             }
         });

@@ -167,7 +167,7 @@ fn band(
                         footprint.collect(guides, &expected.coordinate, &expected.alive, false);
                         footprint.look_up(guides, settings, &expected, false, &mut lookup);
                         if mirrors || out.seen.is_some() {
-                            visible(guides, (&footprint, &lookup), &mut expected, &mut surfaces);
+                            visible(guides, settings, (&footprint, &lookup), &mut expected, &mut surfaces);
                         }
                         if let Some(seen) = &mut out.seen {
                             copy::<LANES, _>(&mut seen[k * width + begin..][..n], &surfaces[..n]);

@@ -1,7 +1,7 @@
 //! Stages 9 and 10 on runs of pixels.
 
 use super::{KernelSize, LOBE_SPREAD};
-use crate::kernels::math::exp_negative;
+use crate::kernels::math::{exp_negative, three};
 use crate::settings::{GlossyBilateral, GlossyRadius};
 
 /// 1 / (1 + l / d) of each pixel; parallel rays: d itself.
@@ -35,27 +35,47 @@ pub(crate) fn add_neighbours(
     }
 }
 
-/// Radii in pixels; 0: pass through. `nearness`: mean over the neighbours; `focal_px`: the camera's.
+/// The squared change of the normal to a neighbour along the axis, where it shows the same object and changes most.
+#[inline(always)]
+pub(crate) fn bend_to(
+    (depth, id, normal): (&[f32], &[u32], [&[f32]; 3]),
+    (own, own_normal): (&[u32], [&[f32]; 3]),
+    most: &mut [f32],
+) {
+    let n = most.len();
+    let (depth, id, own) = (&depth[..n], &id[..n], &own[..n]);
+    let (normal, own_normal) = (normal.map(|c| &c[..n]), own_normal.map(|c| &c[..n]));
+    for i in 0..n {
+        let [x, y, z] = three(|c| normal[c][i] - own_normal[c][i]);
+        let squared = x * x + y * y + z * z;
+        let larger = (id[i] == own[i]) & (depth[i] < f32::INFINITY) & (squared > most[i]);
+        most[i] = if larger { squared } else { most[i] };
+    }
+}
+
+/// Radii in pixels; 0: pass through. `nearness`: mean over the neighbours; `bend`: squared change of the normal;
+/// `focal_px`: the camera's.
 #[inline(always)]
 pub(crate) fn radii(
     settings: &GlossyBilateral,
     size: &KernelSize,
     focal_px: f32,
     has_roughness: bool,
-    (depth, roughness, nearness): (&[f32], &[f32], &[f32]),
+    (depth, roughness, nearness, bend): (&[f32], &[f32], &[f32], &[f32]),
     out: &mut [f32],
 ) {
     let n = out.len();
-    let (depth, roughness, nearness) = (&depth[..n], &roughness[..n], &nearness[..n]);
+    let (depth, roughness, nearness, bend) = (&depth[..n], &roughness[..n], &nearness[..n], &bend[..n]);
     match settings.radius {
         GlossyRadius::Constant => out.fill(size.constant_radius_px),
         GlossyRadius::Footprint if !has_roughness => out.fill(size.max_radius_px),
         GlossyRadius::Footprint => {
             for i in 0..n {
                 let spread = LOBE_SPREAD * roughness[i] * roughness[i] * focal_px;
-                let radius = spread * nearness[i];
-                // As `min` of the standard library: a NaN (0 times infinity) gives the limit.
-                out[i] = if radius < size.max_radius_px { radius } else { size.max_radius_px };
+                let radius = spread / (1.0 / nearness[i] + 2.0 * focal_px * bend[i].sqrt());
+                // As `min` of the standard library: a NaN gives the limit.
+                let radius = if radius < size.max_radius_px { radius } else { size.max_radius_px };
+                out[i] = if spread > 0.0 { radius } else { 0.0 };
             }
         }
     }

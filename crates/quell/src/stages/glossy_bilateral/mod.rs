@@ -9,9 +9,13 @@
 //! | source | \[S, E]; the radius \[O]: `docs/paper.md`, stages 9 and 10 |
 //! | parameters | `glossy_bilateral.*`, `edge.*` |
 //!
-//! The radius is the footprint of the lobe on what it reflects: r = f tan(theta) / (1 + l / d), f the focal length in
-//! pixels, l the view depth, d the hit distance (their ratio averaged over 3x3), tan(theta) = 2 roughness^2; cut at `max_radius`, and nothing is
-//! filtered below `min_radius`: a mirror is never blurred.
+//! The radius is the footprint of the lobe on what it reflects: r = f tan(theta) / (1 + l / d + 2 f |dn|), f the focal
+//! length in pixels, l the view depth, d the hit distance (their ratio averaged over 3x3), |dn| the change of the normal
+//! from one pixel to the next along the axis, tan(theta) = 2 roughness^2; cut at `max_radius`, and nothing is filtered
+//! below `min_radius`: a mirror is never blurred.
+//!
+//! A pixel further, the eye ray turns by 1 / f and so does its reflection in a plane; on a bent surface the reflection
+//! turns by 2 |dn| more, and the lobe covers fewer pixels of what it reflects.
 
 #[cfg(feature = "cpu")]
 pub(crate) mod cpu;
@@ -19,6 +23,16 @@ pub mod reference;
 
 use crate::border::Guides;
 use crate::settings::{GlossyBilateral, GlossyRadius, REFERENCE_ROWS};
+use glam::Vec3;
+
+/// Direction of a pass.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Axis {
+    /// Stage 9.
+    Horizontal,
+    /// Stage 10.
+    Vertical,
+}
 
 /// tan(theta) over squared roughness, theta being half the lobe's width \[O].
 pub const LOBE_SPREAD: f32 = 2.0;
@@ -56,7 +70,14 @@ impl KernelSize {
 
 /// Radius at a surface pixel, in pixels; 0: pass through.
 #[inline(always)]
-pub fn radius_px(settings: &GlossyBilateral, size: &KernelSize, guides: &Guides, x: usize, y: usize) -> f32 {
+pub fn radius_px(
+    settings: &GlossyBilateral,
+    size: &KernelSize,
+    guides: &Guides,
+    axis: Axis,
+    x: usize,
+    y: usize,
+) -> f32 {
     let radius = match settings.radius {
         GlossyRadius::Constant => size.constant_radius_px,
         GlossyRadius::Footprint if !guides.has_roughness => size.max_radius_px,
@@ -64,7 +85,10 @@ pub fn radius_px(settings: &GlossyBilateral, size: &KernelSize, guides: &Guides,
             let roughness = guides.roughness.at(x, y);
             let spread = LOBE_SPREAD * roughness * roughness * guides.view.focal_px;
             let nearness = if guides.has_glossy_hit { mean_nearness(guides, x, y) } else { 1.0 };
-            (spread * nearness).min(size.max_radius_px)
+            let bend = if settings.curvature { normal_change(guides, axis, x, y) } else { 0.0 };
+            // Parallel rays and no hit: nearness is infinite.
+            let radius = (spread / (1.0 / nearness + 2.0 * guides.view.focal_px * bend)).min(size.max_radius_px);
+            if spread > 0.0 { radius } else { 0.0 }
         }
     };
     if radius < settings.min_radius { 0.0 } else { radius }
@@ -92,4 +116,22 @@ fn mean_nearness(guides: &Guides, x: usize, y: usize) -> f32 {
         }
     }
     sum / count
+}
+
+/// The larger change of the normal to the two neighbours along the axis that show the same object.
+#[inline(always)]
+fn normal_change(guides: &Guides, axis: Axis, x: usize, y: usize) -> f32 {
+    let (id, normal) = (guides.id.at(x, y), Vec3::from(guides.normal.at(x, y)));
+    let neighbours = match axis {
+        Axis::Horizontal => [(x.wrapping_sub(1), y), (x + 1, y)],
+        Axis::Vertical => [(x, y.wrapping_sub(1)), (x, y + 1)],
+    };
+    let inside = |&(tx, ty): &(usize, usize)| tx < guides.size.width && ty < guides.size.height;
+    let same = |&(tx, ty): &(usize, usize)| guides.id.at(tx, ty) == id && guides.is_surface(tx, ty);
+    let squared = neighbours
+        .iter()
+        .filter(|n| inside(n) && same(n))
+        .map(|&(tx, ty)| (Vec3::from(guides.normal.at(tx, ty)) - normal).length_squared())
+        .fold(0.0, f32::max);
+    squared.sqrt()
 }

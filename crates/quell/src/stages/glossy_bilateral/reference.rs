@@ -1,6 +1,6 @@
 //! The specification of stages 9 and 10.
 
-use super::{KernelSize, radius_px};
+use super::{Axis, KernelSize, radius_px};
 use crate::border::Guides;
 use crate::frame::Rgb;
 use crate::kernels::edge::EdgeStops;
@@ -8,15 +8,6 @@ use crate::kernels::math::exp_negative;
 use crate::par;
 use crate::plane::Plane;
 use crate::settings::Settings;
-
-/// Direction of a pass.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Axis {
-    /// Stage 9.
-    Horizontal,
-    /// Stage 10.
-    Vertical,
-}
 
 /// Runs stage 9 or 10 on the whole image; `input`: the signal, then its passes.
 pub fn run(input: &[Plane<Rgb>], guides: &Guides, settings: &Settings, axis: Axis) -> Vec<Plane<Rgb>> {
@@ -33,7 +24,7 @@ pub fn run(input: &[Plane<Rgb>], guides: &Guides, settings: &Settings, axis: Axi
                 if !p.view_depth.is_finite() {
                     return centre;
                 }
-                let radius = radius_px(glossy, &kernel, guides, x, y);
+                let radius = radius_px(glossy, &kernel, guides, axis, x, y);
                 if radius <= 0.0 {
                     return centre;
                 }

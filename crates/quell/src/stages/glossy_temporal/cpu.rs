@@ -2,15 +2,17 @@
 
 use crate::cpu::guides::CpuGuides;
 use crate::kernels::reproject_cpu::{
-    Expected, Footprint, LANES, Lanes, Lookup, filtered_hits, previous_reflectors, virtual_coordinates,
+    Expected, Footprint, LANES, Lanes, Lookup, bent_coordinates, filtered_hits, previous_reflectors,
+    virtual_coordinates,
 };
 use crate::settings::Settings;
 
-/// Trust in the lookup at the surface's place, negative where the reflector moved; `expected` becomes the reflector of
-/// then.
+/// Trust in the lookup at the surface's place, negative where the reflector moved or is curved; `expected` becomes the
+/// reflector of then.
 #[inline(always)]
 pub(crate) fn visible(
     guides: &CpuGuides,
+    settings: &Settings,
     (footprint, lookup): (&Footprint, &Lookup),
     expected: &mut Expected,
     out: &mut Lanes,
@@ -20,12 +22,17 @@ pub(crate) fn visible(
         alive[i] = u32::from(lookup.trust[i] > 0.0);
     }
     previous_reflectors(guides, footprint, lookup, &alive, expected);
+    if !settings.glossy_temporal.curvature {
+        expected.bent = [0; LANES];
+    }
     for i in 0..LANES {
-        out[i] = if expected.moved[i] != 0 { -lookup.trust[i] } else { lookup.trust[i] };
+        let plain = (expected.moved[i] | expected.bent[i]) == 0;
+        out[i] = if plain { lookup.trust[i] } else { -lookup.trust[i] };
     }
 }
 
-/// The lookup at the mirror image's place. `visible`: as the function of that name tells; `MOVED`: some are negative.
+/// The lookup at the mirror image's place. `visible`: as the function of that name tells; `MOVED`: some are negative,
+/// and `footprint` and `lookup` come in as those of the surface's own place.
 #[inline(always)]
 pub(crate) fn reflect<const MOVED: bool>(
     guides: &CpuGuides,
@@ -43,6 +50,10 @@ pub(crate) fn reflect<const MOVED: bool>(
     filtered_hits(guides, settings.glossy_temporal.hit_filter, expected, run, &mut hit);
     let mut coordinate = [[0.0; LANES]; 2];
     virtual_coordinates::<MOVED>(guides, settings, expected, &hit, &mut coordinate, &mut alive);
+    if MOVED && expected.bent.iter().any(|bent| *bent != 0) {
+        let there = (&*footprint, &*lookup);
+        bent_coordinates(guides, settings, expected, there, &hit, &mut coordinate, &mut alive);
+    }
     footprint.collect(guides, &coordinate, &alive, true);
     footprint.look_up(guides, settings, expected, true, lookup);
     for i in 0..LANES {

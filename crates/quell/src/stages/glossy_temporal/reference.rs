@@ -3,7 +3,8 @@
 use crate::border::Guides;
 use crate::frame::Rgb;
 use crate::kernels::reproject::{
-    Lookup, expected_surface, filtered_hit, previous_reflector, reflector_lookup, surface_lookup, virtual_coordinate,
+    Lookup, bent_coordinate, expected_surface, filtered_hit, previous_reflector, reflector_lookup, surface_lookup,
+    virtual_coordinate,
 };
 use crate::kernels::temporal::Blend;
 use crate::plane::Plane;
@@ -24,7 +25,8 @@ pub fn run(current: &[Plane<Rgb>], history: Option<Remembered<'_>>, now: &Guides
         }
         let expected = previous_reflector(now, before, &expected, &visible, x, y);
         let hit = filtered_hit(now, glossy.hit_filter, x, y);
-        let Some(coordinate) = virtual_coordinate(now, glossy, &expected, hit, x, y) else {
+        let bent = if glossy.curvature { bent_coordinate(now, before, &expected, &visible, hit, x, y) } else { None };
+        let Some(coordinate) = bent.or_else(|| virtual_coordinate(now, glossy, &expected, hit, x, y)) else {
             return Lookup::default();
         };
         let mut reflected = reflector_lookup(now, before, settings, &expected, coordinate, x, y);
