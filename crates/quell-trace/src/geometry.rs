@@ -10,6 +10,37 @@ use obvhs::cwbvh::bvh2_to_cwbvh::bvh2_to_cwbvh;
 use obvhs::ploc::PlocBuilder;
 use obvhs::ray::{Ray, RayHit};
 use obvhs::{Boundable, BvhBuildParams};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+/// The geometry of the last frame that was traced, for the next one in which nothing has moved: most files are still,
+/// and the BVH of half a million triangles takes longer than a small frame. Clones share it.
+#[derive(Clone, Default)]
+pub(crate) struct GeometryCache(Arc<Mutex<Option<Arc<Geometry>>>>);
+
+impl std::fmt::Debug for GeometryCache {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str("GeometryCache")
+    }
+}
+
+impl GeometryCache {
+    /// The geometry of these triangles: the last one where it is of the very same.
+    pub(crate) fn geometry(&self, triangles: Vec<Triangle>, sources: Vec<TriangleSource>) -> Arc<Geometry> {
+        if let Some(last) = self.last().clone().filter(|last| last.is_of(&triangles, &sources)) {
+            return last;
+        }
+        // Freed first: two of them may not fit. The lock is not held while building, which runs other tasks of rayon.
+        *self.last() = None;
+        let geometry = Arc::new(Geometry::new(triangles, sources));
+        *self.last() = Some(Arc::clone(&geometry));
+        geometry
+    }
+
+    fn last(&self) -> MutexGuard<'_, Option<Arc<Geometry>>> {
+        // Whoever panicked while holding the lock left a whole value behind.
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
 
 /// How far a new ray starts from the surface it leaves, as a share of the largest coordinate of the triangle's
 /// corners: 64 units in the last place of that coordinate. Points made from barycentric coordinates are off by a few.
@@ -84,7 +115,7 @@ pub(crate) struct Hit {
 }
 
 /// Which instance and which of its mesh's triangles a world-space triangle is.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct TriangleSource {
     pub(crate) instance: u32,
     pub(crate) triangle: u32,
@@ -146,6 +177,16 @@ impl Geometry {
         let triangles = order.iter().map(|&i| triangles[i as usize]).collect();
         let sources = order.iter().map(|&i| sources[i as usize]).collect();
         Self { triangles, inner_from_world, world_from_inner, sources, position_of, bvh: Some(bvh) }
+    }
+
+    /// Whether it was made of these triangles in this order.
+    fn is_of(&self, triangles: &[Triangle], sources: &[TriangleSource]) -> bool {
+        triangles.len() == self.triangles.len()
+            && triangles.iter().zip(sources).zip(&self.position_of).all(|((triangle, source), &position)| {
+                let position = position as usize;
+                let kept = &self.triangles[position];
+                *source == self.sources[position] && triangle.v.map(|v| v * self.inner_from_world) == kept.v
+            })
     }
 
     pub(crate) fn source(&self, triangle: u32) -> TriangleSource {
@@ -329,6 +370,25 @@ mod tests {
             assert!((hit.t / height - 1.0).abs() < 1e-5, "{hit:?} at {scale}");
             assert!(geometry.occluded(Vec3::Z * height, Vec3::NEG_Z, 2.0 * height));
         }
+    }
+
+    #[test]
+    fn geometry_is_kept_while_nothing_moves() {
+        let of = |height: f32, instance: u32| {
+            let v = [(-1.0, -1.0), (1.0, -1.0), (0.0, 1.0)].map(|(x, y)| Vec3A::new(x, y, height));
+            let still = Triangle { v: v.map(|v| v + Vec3A::X * 3.0) };
+            let sources = [instance, 1].map(|instance| TriangleSource { instance, triangle: 0 });
+            (vec![Triangle { v }, still], sources.to_vec())
+        };
+        let cache = GeometryCache::default();
+        let at = |(triangles, sources)| cache.geometry(triangles, sources);
+        let first = at(of(0.5, 0));
+        assert!(Arc::ptr_eq(&first, &at(of(0.5, 0))));
+        let moved = at(of(0.25, 0));
+        assert!(!Arc::ptr_eq(&first, &moved));
+        assert_eq!(moved.closest(Vec3::Z, Vec3::NEG_Z).unwrap().t, 0.75);
+        assert!(!Arc::ptr_eq(&moved, &at(of(0.25, 2))));
+        assert_eq!(at((Vec::new(), Vec::new())).len(), 0);
     }
 
     #[test]

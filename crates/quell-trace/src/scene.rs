@@ -1,6 +1,7 @@
 //! What can be traced: meshes, instances, materials, lights, an environment and cameras, each over time.
 
 use crate::environment::Environment;
+use crate::geometry::GeometryCache;
 use crate::material::Material;
 use crate::pattern::Pattern;
 use crate::texture::{Image, TextureRef};
@@ -381,6 +382,7 @@ pub struct Scene {
     pub frames: usize,
     /// Suggested exposure: multiplies light before the tone curve.
     pub exposure: f32,
+    pub(crate) cache: GeometryCache,
 }
 
 impl Scene {
@@ -399,6 +401,7 @@ impl Scene {
             cameras: Vec::new(),
             frames: 64,
             exposure: 1.0,
+            cache: GeometryCache::default(),
         }
     }
 
@@ -432,6 +435,7 @@ impl Scene {
     pub fn scaled(&self, factor: f32) -> Self {
         let scale = Affine3A::from_scale(Vec3::splat(factor));
         let mut out = self.clone();
+        out.cache = GeometryCache::default();
         for instance in &mut out.instances {
             let transform = instance.transform.clone();
             instance.transform = Track::function(move |frame| scale * transform.at(frame));

@@ -9,6 +9,7 @@ use crate::scene::{Deformed, Mesh, PointlikeLight, Scene, SceneError};
 use glam::Vec3Swizzles;
 use glam::{Affine3A, Mat3, Mat3A, Vec2, Vec3};
 use std::borrow::Cow;
+use std::sync::Arc;
 
 /// An instance at this frame and the one before.
 struct Placed {
@@ -98,7 +99,7 @@ pub(crate) struct EmissiveTriangle {
 /// The scene at one frame.
 pub(crate) struct World<'s> {
     scene: &'s Scene,
-    pub(crate) geometry: Geometry,
+    pub(crate) geometry: Arc<Geometry>,
     placed: Vec<Placed>,
     /// Those of the scene's surfaces, before textures.
     materials: Vec<Material>,
@@ -208,7 +209,7 @@ impl<'s> World<'s> {
             });
         }
         let corners_of: Vec<[Vec3; 3]> = emitting.iter().map(|(n, ..)| triangles[*n].v.map(Vec3::from)).collect();
-        let geometry = Geometry::new(triangles, sources);
+        let geometry = scene.cache.geometry(triangles, sources);
         let emissive = emitting
             .into_iter()
             .zip(corners_of)

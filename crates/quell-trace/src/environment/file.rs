@@ -1,5 +1,8 @@
 //! Environment maps from Radiance (`.hdr`) and OpenEXR (`.exr`) files.
 
+use super::{Environment, EnvironmentError};
+use crate::hash::Hash;
+use crate::scene::Scene;
 use exr::prelude::{ReadChannels, ReadLayers};
 use image::ImageDecoder;
 use quell::{Plane, Rgb, Size};
@@ -91,6 +94,25 @@ pub fn read(path: &Path) -> Result<EnvironmentFile, EnvironmentFileError> {
     Ok(EnvironmentFile { texels, repaired })
 }
 
+impl EnvironmentFile {
+    /// Puts the map around a scene, in place of what was there, and makes it part of the scene's identity.
+    /// `rotation_rad` turns it about the vertical, `strength` multiplies it.
+    ///
+    /// # Errors
+    /// [`EnvironmentError`]: a strength that is negative or not finite, or makes a texel infinite.
+    pub fn surround(self, scene: &mut Scene, rotation_rad: f32, strength: f32) -> Result<(), EnvironmentError> {
+        let mut identity = Hash::new();
+        identity.number(scene.identity);
+        identity.number(self.texels.size().width as u64);
+        for value in self.texels.data().iter().flatten().chain([&rotation_rad, &strength]) {
+            identity.bytes(&value.to_le_bytes());
+        }
+        scene.environment = Environment::map(self.texels, rotation_rad, strength)?;
+        scene.identity = identity.finish();
+        Ok(())
+    }
+}
+
 fn open(path: &Path) -> Result<(BufReader<File>, u64), EnvironmentFileError> {
     let io = |source| EnvironmentFileError::Io { path: path.to_owned(), source };
     let file = File::open(path).map_err(io)?;
@@ -146,7 +168,6 @@ fn read_exr(path: &Path) -> Result<Plane<Rgb>, EnvironmentFileError> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::environment::Environment;
     use glam::Vec3;
 
     /// A folder of its own for each test.
@@ -187,6 +208,14 @@ mod tests {
             let turned = Environment::map(file.texels, std::f32::consts::FRAC_PI_2, 2.0).unwrap();
             assert_eq!(turned.radiance(right), Vec3::splat(0.5));
             assert_eq!(turned.radiance(Vec3::new(0.0, 0.6, -1.0).normalize()), Vec3::new(8.0, 4.0, 2.0));
+            let identity = |turn, strength| {
+                let mut scene = Scene::new("any");
+                read(&path).unwrap().surround(&mut scene, turn, strength).unwrap();
+                assert_eq!(scene.environment.radiance(Vec3::NEG_Y), Vec3::splat(0.25 * strength));
+                scene.identity
+            };
+            assert_eq!(identity(0.0, 1.0), identity(0.0, 1.0));
+            assert!(identity(0.0, 1.0) != identity(0.1, 1.0) && identity(0.0, 1.0) != identity(0.0, 1.1));
         }
         std::fs::remove_dir_all(folder).unwrap();
     }

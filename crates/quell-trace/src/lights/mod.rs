@@ -367,6 +367,7 @@ impl LightSampler {
                     }
                     return;
                 }
+                let view = if run.len() > 1 { view.prepared() } else { view };
                 for i in run {
                     if let Some(sample) = view.sample(emitter_index, place(i), selection) {
                         take(sample, 1.0);
@@ -378,6 +379,10 @@ impl LightSampler {
 }
 
 /// A finite emitter as seen from a point.
+#[expect(
+    clippy::large_enum_variant,
+    reason = "one lies on the stack for a few samples; a box would be made at each point"
+)]
 enum FiniteView<'a> {
     Triangle(TriangleView, Vec3),
     Patch(PatchView<'a>, Vec3),
@@ -391,6 +396,15 @@ impl FiniteView<'_> {
         let radiance = intensity / (distance * distance);
         let shines = distance > 0.0 && radiance.is_finite() && radiance != Vec3::ZERO;
         shines.then(|| Self::Point { wi: to_light / distance, distance, radiance })
+    }
+
+    /// The same view, ready for many samples.
+    fn prepared(self) -> Self {
+        match self {
+            Self::Triangle(view, radiance) => Self::Triangle(view.prepared(), radiance),
+            Self::Patch(view, radiance) => Self::Patch(view.prepared(), radiance),
+            point @ Self::Point { .. } => point,
+        }
     }
 
     #[inline]

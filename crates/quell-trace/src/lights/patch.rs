@@ -124,7 +124,12 @@ pub(crate) struct PatchView<'a> {
     height: f64,
     /// Sampled by solid angle: that of the triangles up to and with each, in steradians.
     solid_angles: Option<[f64; Patch::MAX_TRIANGLES]>,
+    /// Views of the first triangles, where they are sampled by solid angle: they are not made anew for every sample.
+    views: [Option<TriangleView>; KEPT_VIEWS],
 }
+
+/// Rectangles have two triangles; larger patches are rare.
+const KEPT_VIEWS: usize = 2;
 
 impl<'a> PatchView<'a> {
     /// `None` where the point sees a side that does not emit, or the patch edge-on.
@@ -135,12 +140,21 @@ impl<'a> PatchView<'a> {
         }
         let centre = 0.5 * (patch.low + patch.high);
         let near = NEAR_RADII * 0.5 * (patch.high - patch.low).length();
+        let mut views = [const { None }; KEPT_VIEWS];
         let solid_angles = if point.distance_squared(centre) < near * near {
-            cumulative_solid_angles(&patch.triangles, point)
+            cumulative_solid_angles(&patch.triangles, point, &mut views)
         } else {
             None
         };
-        Some(Self { patch, point, height: height.abs(), solid_angles })
+        Some(Self { patch, point, height: height.abs(), solid_angles, views })
+    }
+
+    /// The same view, ready for many samples.
+    pub(crate) fn prepared(mut self) -> Self {
+        if self.solid_angles.is_some() {
+            self.views = self.views.map(|view| view.map(TriangleView::prepared));
+        }
+        self
     }
 
     #[cfg(test)]
@@ -170,8 +184,11 @@ impl<'a> PatchView<'a> {
             let index = cumulative[..count - 1].partition_point(|end| *end <= target);
             let start = if index > 0 { cumulative[index - 1] } else { 0.0 };
             let within = ((target - start) / (cumulative[index] - start)) as f32;
-            let view = TriangleView::new(&triangles[index], true, self.point)?;
-            let sample = view.sample_by_solid_angle(Vec2::new(within.clamp(0.0, ONE_MINUS_EPSILON), u.y))?;
+            let u = Vec2::new(within.clamp(0.0, ONE_MINUS_EPSILON), u.y);
+            let sample = match self.views.get(index) {
+                Some(view) => view.as_ref()?.sample_by_solid_angle(u)?,
+                None => TriangleView::new(&triangles[index], true, self.point)?.sample_by_solid_angle(u)?,
+            };
             return Some(TriangleSample { pdf: self.pdf(sample.wi), barycentrics: Vec3::ZERO, ..sample });
         }
         let place = match self.patch.parallelogram {
@@ -201,12 +218,20 @@ impl<'a> PatchView<'a> {
 
 /// `None` where the whole looks too small or too large for sampling by solid angle. A single triangle may be as small as
 /// it likes: then it is hardly ever chosen.
-fn cumulative_solid_angles(triangles: &[[Vec3; 3]], point: Vec3) -> Option<[f64; Patch::MAX_TRIANGLES]> {
+fn cumulative_solid_angles(
+    triangles: &[[Vec3; 3]],
+    point: Vec3,
+    views: &mut [Option<TriangleView>; KEPT_VIEWS],
+) -> Option<[f64; Patch::MAX_TRIANGLES]> {
     let mut cumulative = [0.0; Patch::MAX_TRIANGLES];
     let mut sum = 0.0;
-    for (end, triangle) in cumulative.iter_mut().zip(triangles) {
-        sum += TriangleView::new(triangle, true, point).map_or(0.0, |view| view.solid_angle());
+    for (index, (end, triangle)) in cumulative.iter_mut().zip(triangles).enumerate() {
+        let view = TriangleView::new(triangle, true, point);
+        sum += view.as_ref().map_or(0.0, |view| view.solid_angle());
         *end = sum;
+        if let Some(kept) = views.get_mut(index) {
+            *kept = view;
+        }
     }
     (MIN_SPHERICAL_SOLID_ANGLE..=MAX_SPHERICAL_SOLID_ANGLE).contains(&sum).then_some(cumulative)
 }

@@ -20,6 +20,17 @@ pub(crate) struct TriangleView {
     /// Directions of the vertices.
     directions: [DVec3; 3],
     solid_angle: f64,
+    arcs: Option<Arcs>,
+}
+
+/// What all samples of one view by solid angle share: angle at vertex a between the planes of the arcs ab and ac, the
+/// tangent of ac there, and the arc ab.
+#[derive(Clone, Copy)]
+struct Arcs {
+    tangent_ac: DVec3,
+    cos_alpha: f64,
+    sin_alpha: f64,
+    cos_ab: f64,
 }
 
 pub(crate) struct TriangleSample {
@@ -42,7 +53,24 @@ impl TriangleView {
         }
         let directions = [vertices[0].try_normalize()?, vertices[1].try_normalize()?, vertices[2].try_normalize()?];
         let solid_angle = solid_angle(&directions);
-        (solid_angle > 0.0).then_some(Self { vertices, cross, directions, solid_angle })
+        (solid_angle > 0.0).then_some(Self { vertices, cross, directions, solid_angle, arcs: None })
+    }
+
+    /// The same view, ready for many samples.
+    pub(crate) fn prepared(self) -> Self {
+        let arcs = Some(self.arcs());
+        Self { arcs, ..self }
+    }
+
+    fn arcs(&self) -> Arcs {
+        let [a, b, c] = self.directions;
+        let (tangent_ab, tangent_ac) = (orthogonal_part(b, a), orthogonal_part(c, a));
+        Arcs {
+            tangent_ac,
+            cos_alpha: tangent_ab.dot(tangent_ac).clamp(-1.0, 1.0),
+            sin_alpha: tangent_ab.cross(tangent_ac).length(),
+            cos_ab: a.dot(b),
+        }
     }
 
     /// Steradians that the triangle covers.
@@ -107,12 +135,8 @@ impl TriangleView {
     /// A direction uniform over the spherical triangle: `u.x` cuts off a triangle of that share of the area, with the
     /// same vertices a and b; `u.y` places along the arc from its third vertex to b.
     fn sample_direction(&self, u: Vec2) -> DVec3 {
-        let [a, b, c] = self.directions;
-        // Angle at a between the planes of the arcs ab and ac, and the arc ab.
-        let (tangent_ab, tangent_ac) = (orthogonal_part(b, a), orthogonal_part(c, a));
-        let cos_alpha = tangent_ab.dot(tangent_ac).clamp(-1.0, 1.0);
-        let sin_alpha = tangent_ab.cross(tangent_ac).length();
-        let cos_ab = a.dot(b);
+        let [a, b, _] = self.directions;
+        let Arcs { tangent_ac, cos_alpha, sin_alpha, cos_ab } = self.arcs.unwrap_or_else(|| self.arcs());
 
         let (sin_area, cos_area) = (f64::from(u.x) * self.solid_angle).sin_cos();
         // s = sin(area - alpha), t = cos(area - alpha).
