@@ -8,6 +8,9 @@ pub mod edge;
 #[cfg(feature = "cpu")]
 pub(crate) mod edge_cpu;
 pub mod math;
+pub mod mirror_image;
+#[cfg(feature = "cpu")]
+pub(crate) mod mirror_image_cpu;
 pub mod reproject;
 #[cfg(feature = "cpu")]
 pub(crate) mod reproject_cpu;

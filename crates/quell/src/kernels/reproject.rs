@@ -1,8 +1,9 @@
-//! Where a surface, or its mirror image, was in the previous frame, and which of the four pixels there still show it.
+//! Where a surface was in the previous frame, and which of the four pixels there still show it. Its mirror image:
+//! `mirror_image.rs`.
 
 use super::math::smoothstep;
 use crate::border::Guides;
-use crate::settings::{GlossyTemporal, HitFilter, REFERENCE_ROWS, Rejection, Settings, Surface as SurfaceSettings};
+use crate::settings::{Rejection, Surface as SurfaceSettings};
 use glam::{Vec2, Vec3};
 
 /// The surface that history must show: where it was, as far as motion tells.
@@ -94,198 +95,6 @@ pub fn surface_lookup(
     })
 }
 
-/// Step 6b, glossy: the footprint at a virtual coordinate, each pixel tested for the same reflector. Never by point
-/// distance: there the previous surface is another point of the mirror.
-pub fn reflector_lookup(
-    now: &Guides,
-    before: &Guides,
-    settings: &Settings,
-    expected: &Expected,
-    coordinate: Vec2,
-    x: usize,
-    y: usize,
-) -> Lookup {
-    let (surface, glossy) = (&settings.surface, &settings.glossy_temporal);
-    if !on_screen(now, surface, coordinate) {
-        return Lookup::default();
-    }
-    let (id, roughness) = (now.id.at(x, y), now.roughness.at(x, y));
-    let plane = SurfaceSettings {
-        rejection: if surface.rejection == Rejection::Off { Rejection::Off } else { Rejection::Plane },
-        ..surface.clone()
-    };
-    lookup(now, coordinate, |tx, ty| {
-        if !before.is_surface(tx, ty)
-            || before.id.at(tx, ty) != id
-            || (before.roughness.at(tx, ty) - roughness).abs() > glossy.reflector_roughness
-            || Vec3::from(before.normal.at(tx, ty)).dot(expected.normal) < glossy.reflector_normal_min
-        {
-            return 0.0;
-        }
-        distance_trust(now, before, &plane, expected, tx, ty)
-    })
-}
-
-/// Normals that differ by less (length of the difference) are the same up to rounding.
-const SAME_NORMAL: f32 = 1e-5;
-/// Planes apart by less, in sizes of a pixel, are the same up to rounding.
-const SAME_PLANE_PX: f32 = 0.01;
-
-/// The reflector at pixel (x, y) as the four pixels at its old place show it: `visible` is their lookup.
-///
-/// A mirror that turns hardly moves its own points, but moves its image twice as fast: motion alone cannot tell that
-/// it rests. It counts as resting where its normal changed by no more than it varies between the four pixels, and its
-/// plane did not shift; then `expected` stays as it is. Else it becomes their mean position and normal.
-pub fn previous_reflector(
-    now: &Guides,
-    before: &Guides,
-    expected: &Expected,
-    visible: &Lookup,
-    x: usize,
-    y: usize,
-) -> Expected {
-    let taps = || visible.index.iter().zip(visible.weight).filter(|(_, w)| *w > 0.0);
-    let normal_at = |index: usize| Vec3::from(before.normal.data()[index]);
-    let (mut position, mut normal) = (Vec3::ZERO, Vec3::ZERO);
-    for (index, weight) in taps() {
-        position += weight * before.world(index % now.size.width, index / now.size.width);
-        normal += weight * normal_at(*index);
-    }
-    let normal = normal.normalize_or_zero();
-    let spread = taps().map(|(index, _)| (normal_at(*index) - normal).length()).fold(0.0, f32::max);
-    let turned = (Vec3::from(now.normal.at(x, y)) - normal).length() > spread + SAME_NORMAL;
-    let shift = (now.world(x, y) - position).dot(normal).abs();
-    let shifted = shift > SAME_PLANE_PX * now.view.pixel_size(expected.view_depth);
-    if expected.moved || turned || shifted {
-        Expected { position, normal, moved: true, ..*expected }
-    } else {
-        *expected
-    }
-}
-
-/// Step 2, glossy: where the mirror image at pixel (x, y) was. `hit_distance` as filtered by [`filtered_hit`].
-///
-/// A plane mirror's image lies behind the surface, on the eye ray, as far as the hit point lies before it. Where the
-/// reflector moved by itself, the hit point is mirrored in the plane that it had before.
-pub fn virtual_coordinate(
-    now: &Guides,
-    glossy: &GlossyTemporal,
-    expected: &Expected,
-    hit_distance: f32,
-    x: usize,
-    y: usize,
-) -> Option<Vec2> {
-    let position = now.world(x, y);
-    let eye_ray = now.view.ray_direction(now.sample_position(x, y)).normalize();
-    let limit = glossy.max_hit_distance * expected.view_depth;
-    let distance = if hit_distance.is_finite() { hit_distance.min(limit) } else { hit_distance };
-    // Unjittered previous pixel = projection; the footprint is addressed from pixel centres, as motion is.
-    let from_sample_to_centre = -now.jitter;
-    let before = if !expected.moved {
-        if distance.is_finite() {
-            now.previous_view.pixel(position + eye_ray * distance)
-        } else {
-            now.previous_view.pixel_of_direction(eye_ray)
-        }
-    } else {
-        let normal = Vec3::from(now.normal.at(x, y));
-        let reflected = eye_ray - 2.0 * eye_ray.dot(normal) * normal;
-        if distance.is_finite() {
-            let hit = position + reflected * distance;
-            let mirrored = hit - 2.0 * (hit - expected.position).dot(expected.normal) * expected.normal;
-            now.previous_view.pixel(mirrored)
-        } else {
-            let direction = reflected - 2.0 * reflected.dot(expected.normal) * expected.normal;
-            now.previous_view.pixel_of_direction(direction)
-        }
-    };
-    before.map(|p| p + from_sample_to_centre).filter(|p| p.is_finite())
-}
-
-/// A bent reflector's image is not looked for farther than this from the surface's own place, pixels at 720 rows: one
-/// step of Newton's method does not reach farther, and bumps would send it anywhere.
-pub const FARTHEST_BENT_PX: f32 = 32.0;
-/// Least squared sine of the angle between the two directions in which the reflected ray turns.
-pub const LEAST_BENT_DETERMINANT: f32 = 1e-4;
-
-/// Step 2, glossy, on a curved reflector: the place in the previous image whose surface reflected the same hit point
-/// into the eye. `None` where the four pixels at the surface's old place (`visible`) have one normal: plane.
-///
-/// At each of the four the reflected previous eye ray misses the hit point by some angle; that miss is taken as linear
-/// in the place, and its zero is the answer: one step of Newton's method, which knows both curvatures, and motion of
-/// reflector and camera. Where it fails (silhouettes, focus, bumps) it is the surface's own place.
-pub fn bent_coordinate(
-    now: &Guides,
-    before: &Guides,
-    expected: &Expected,
-    visible: &Lookup,
-    hit_distance: f32,
-    x: usize,
-    y: usize,
-) -> Option<Vec2> {
-    let seen = |k: usize| visible.weight[k] > 0.0;
-    let pixel = |k: usize| (visible.index[k] % now.size.width, visible.index[k] / now.size.width);
-    let normal = |k: usize| Vec3::from(before.normal.data()[visible.index[k]]);
-    let first = (0..4).find(|k| seen(*k))?;
-    if (0..4).all(|k| !seen(k) || (normal(k) - normal(first)).length() <= SAME_NORMAL) {
-        return None;
-    }
-    let surface = expected.coordinate;
-    if !(0..4).all(seen) {
-        return Some(surface);
-    }
-    let eye_ray = now.view.ray_direction(now.sample_position(x, y)).normalize();
-    let own_normal = Vec3::from(now.normal.at(x, y));
-    let reflected = eye_ray - 2.0 * eye_ray.dot(own_normal) * own_normal;
-    let hit = now.world(x, y) + reflected * hit_distance;
-    let miss = |k: usize| {
-        let (px, py) = pixel(k);
-        let ray = before.view.ray_direction(before.sample_position(px, py)).normalize();
-        let away = ray - 2.0 * ray.dot(normal(k)) * normal(k);
-        let wanted = if hit_distance.is_finite() { (hit - before.world(px, py)).normalize() } else { reflected };
-        wanted - away
-    };
-    let [f0, f1, f2, f3] = [miss(0), miss(1), miss(2), miss(3)];
-    let middle = 0.25 * ((f0 + f1) + (f2 + f3));
-    let du = 0.5 * ((f1 - f0) + (f3 - f2));
-    let dv = 0.5 * ((f2 - f0) + (f3 - f1));
-    let (a, b, c) = (du.dot(du), du.dot(dv), dv.dot(dv));
-    let (p, q) = (du.dot(middle), dv.dot(middle));
-    let determinant = a * c - b * b;
-    let step = Vec2::new(b * q - c * p, b * p - a * q) / determinant;
-    let place = (surface - 0.5).floor() + 1.0 + step;
-    let farthest = FARTHEST_BENT_PX * now.size.height as f32 / REFERENCE_ROWS;
-    let good = determinant > LEAST_BENT_DETERMINANT * a * c && (place - surface).length() <= farthest;
-    Some(if good { place } else { surface })
-}
-
-/// The glossy hit distance of pixel (x, y) after the 3x3 filter over the same reflector.
-pub fn filtered_hit(now: &Guides, filter: HitFilter, x: usize, y: usize) -> f32 {
-    let centre = now.glossy_hit.at(x, y);
-    if filter == HitFilter::Off {
-        return centre;
-    }
-    let (w, h) = (now.size.width, now.size.height);
-    let mut values = [0.0f32; 9];
-    let mut count = 0;
-    for ty in y.saturating_sub(1)..(y + 2).min(h) {
-        for tx in x.saturating_sub(1)..(x + 2).min(w) {
-            if now.id.at(tx, ty) == now.id.at(x, y) && now.is_surface(tx, ty) {
-                values[count] = now.glossy_hit.at(tx, ty);
-                count += 1;
-            }
-        }
-    }
-    let values = &mut values[..count];
-    match filter {
-        HitFilter::Min => values.iter().copied().fold(centre, f32::min),
-        _ => {
-            values.sort_unstable_by(f32::total_cmp);
-            values.get(values.len() / 2).copied().unwrap_or(centre)
-        }
-    }
-}
-
 #[derive(Clone, Copy)]
 struct BilinearTap {
     x: usize,
@@ -309,7 +118,7 @@ fn taps(now: &Guides, coordinate: Vec2) -> [Option<BilinearTap>; 4] {
     out
 }
 
-fn lookup(now: &Guides, coordinate: Vec2, trust_of: impl Fn(usize, usize) -> f32) -> Lookup {
+pub(super) fn lookup(now: &Guides, coordinate: Vec2, trust_of: impl Fn(usize, usize) -> f32) -> Lookup {
     let mut found = Lookup::default();
     let (mut total, mut trusted) = (0.0, 0.0);
     for (k, tap) in taps(now, coordinate).into_iter().enumerate() {
@@ -332,7 +141,7 @@ fn lookup(now: &Guides, coordinate: Vec2, trust_of: impl Fn(usize, usize) -> f32
     found
 }
 
-fn distance_trust(
+pub(super) fn distance_trust(
     now: &Guides,
     before: &Guides,
     settings: &SurfaceSettings,
@@ -353,7 +162,7 @@ fn distance_trust(
     1.0 - smoothstep(begin, settings.falloff * begin, distance)
 }
 
-fn on_screen(now: &Guides, settings: &SurfaceSettings, coordinate: Vec2) -> bool {
+pub(super) fn on_screen(now: &Guides, settings: &SurfaceSettings, coordinate: Vec2) -> bool {
     let guard = settings.guard_band;
     coordinate.x >= guard
         && coordinate.y >= guard

@@ -5,9 +5,8 @@ use super::math::three;
 use crate::camera::Projection;
 use crate::cpu::guides::{CpuGuides, Surfaces, field};
 use crate::cpu::layout::copy;
-use crate::kernels::reproject::{FARTHEST_BENT_PX, LEAST_BENT_DETERMINANT};
 use crate::kernels::spiral::PERIOD;
-use crate::settings::{HitFilter, REFERENCE_ROWS, Rejection, Settings, Surface as SurfaceSettings};
+use crate::settings::{Rejection, Settings, Surface as SurfaceSettings};
 use glam::{Vec2, Vec3};
 
 /// Pixels that are looked up together.
@@ -219,7 +218,7 @@ fn world(view: &Projection, u: f32, v: f32, depth: f32) -> [f32; 3] {
 
 /// [`Projection::pixel`] of a point (`w` = 1), [`Projection::pixel_of_direction`] (`w` = 0); false: behind the eye.
 #[inline(always)]
-fn pixel(view: &Projection, point: [f32; 3], w: f64) -> (f32, f32, bool) {
+pub(super) fn pixel(view: &Projection, point: [f32; 3], w: f64) -> (f32, f32, bool) {
     let (x, y, z) = (f64::from(point[0]), f64::from(point[1]), f64::from(point[2]));
     let (ru, rv, rw) = (&view.u, &view.v, &view.w);
     let pu = ru.0.x * x + ru.0.y * y + ru.0.z * z + ru.1 * w;
@@ -229,12 +228,12 @@ fn pixel(view: &Projection, point: [f32; 3], w: f64) -> (f32, f32, bool) {
 }
 
 #[inline(always)]
-fn dot(a: [f32; 3], b: [f32; 3]) -> f32 {
+pub(super) fn dot(a: [f32; 3], b: [f32; 3]) -> f32 {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
 #[inline(always)]
-fn lane(v: &Lanes3, i: usize) -> [f32; 3] {
+pub(super) fn lane(v: &Lanes3, i: usize) -> [f32; 3] {
     [v[0][i], v[1][i], v[2][i]]
 }
 
@@ -319,13 +318,13 @@ impl Segments {
 pub(crate) struct Footprint {
     pub segments: Segments,
     weight: [Lanes; 4],
-    column: [Lanes; 4],
-    row: [Lanes; 4],
+    pub(super) column: [Lanes; 4],
+    pub(super) row: [Lanes; 4],
     pub place: [Place; 4],
     depth: [Lanes; 4],
     /// World positions, as the last lookup found them.
-    position: [Lanes3; 4],
-    normal: [Lanes3; 4],
+    pub(super) position: [Lanes3; 4],
+    pub(super) normal: [Lanes3; 4],
     roughness: [Lanes; 4],
     id: [[u32; LANES]; 4],
 }
@@ -511,247 +510,6 @@ impl Footprint {
                 found.weight[k][i] = if enough { found.weight[k][i] / total[i] } else { 0.0 };
             }
             found.trust[i] = if enough { trusted[i] / total[i] } else { 0.0 };
-        }
-    }
-}
-
-/// Normals that differ by less (length of the difference) are the same up to rounding.
-const SAME_NORMAL: f32 = 1e-5;
-/// Planes apart by less, in sizes of a pixel, are the same up to rounding.
-const SAME_PLANE_PX: f32 = 0.01;
-
-/// The reflectors as the four pixels at their old places show them, where `alive`: `visible` is the lookup of
-/// `footprint`. Reflectors at rest stay as they are, the others become the mean of the four.
-#[inline(always)]
-pub(crate) fn previous_reflectors(
-    guides: &CpuGuides,
-    footprint: &Footprint,
-    visible: &Lookup,
-    alive: &[u32; LANES],
-    e: &mut Expected,
-) {
-    for i in 0..LANES {
-        let (mut position, mut normal) = ([0.0; 3], [0.0; 3]);
-        for k in 0..4 {
-            let weight = visible.weight[k][i];
-            let there = lane(&footprint.position[k], i);
-            for c in 0..3 {
-                position[c] = if weight > 0.0 { position[c] + weight * there[c] } else { position[c] };
-                normal[c] = if weight > 0.0 { normal[c] + weight * footprint.normal[k][c][i] } else { normal[c] };
-            }
-        }
-        let mut first = [0.0; 3];
-        for k in [3, 2, 1, 0] {
-            let seen = visible.weight[k][i] > 0.0;
-            first = three(|c| if seen { footprint.normal[k][c][i] } else { first[c] });
-        }
-        let scale = 1.0 / dot(normal, normal).sqrt();
-        let known = (scale > 0.0) & (scale < f32::INFINITY);
-        let normal = three(|c| if known { normal[c] * scale } else { 0.0 });
-        let squared_distance = |n: [f32; 3]| {
-            let d = three(|c| n[c] - normal[c]);
-            dot(d, d)
-        };
-        let mut spread = 0.0;
-        for k in 0..4 {
-            let d = squared_distance(lane(&footprint.normal[k], i));
-            spread = if (visible.weight[k][i] > 0.0) & (d > spread) { d } else { spread };
-        }
-        let mut bent = false;
-        for k in 0..4 {
-            let difference = three(|c| footprint.normal[k][c][i] - first[c]);
-            bent |= (visible.weight[k][i] > 0.0) & (dot(difference, difference).sqrt() > SAME_NORMAL);
-        }
-        e.bent[i] = u32::from(bent) & alive[i];
-        let turned = squared_distance(lane(&e.normal, i)).sqrt() > spread.sqrt() + SAME_NORMAL;
-        let offset = three(|c| e.position[c][i] - position[c]);
-        let shifted = dot(offset, normal).abs() > SAME_PLANE_PX * guides.now.view.pixel_size(e.depth[i]);
-        let moved = (e.moved[i] != 0) | turned | shifted;
-        e.moved[i] = u32::from(moved) & alive[i];
-        for c in 0..3 {
-            e.was_at[c][i] = if moved { position[c] } else { e.was_at[c][i] };
-            e.was_facing[c][i] = if moved { normal[c] } else { e.was_facing[c][i] };
-        }
-    }
-}
-
-/// Step 2, glossy: where the mirror images of the lanes were, into `coordinate`; `alive` goes to 0 where that is
-/// unknown or off screen. `hit`: filtered hit distances. `MOVED`: lanes may have moved.
-#[inline(always)]
-pub(crate) fn virtual_coordinates<const MOVED: bool>(
-    guides: &CpuGuides,
-    settings: &Settings,
-    e: &Expected,
-    hit: &Lanes,
-    coordinate: &mut [Lanes; 2],
-    alive: &mut [u32; LANES],
-) {
-    let (now, previous) = (&guides.now, &guides.previous_view);
-    let (width, height) = (guides.phases.size.width as f32, guides.phases.size.height as f32);
-    let (guard, furthest) = (settings.surface.guard_band, settings.glossy_temporal.max_hit_distance);
-    let v = e.y as f32 + 0.5 + now.jitter.y;
-    let d = &now.view.direction;
-    for i in 0..LANES {
-        let u = e.x[i] + 0.5 + now.jitter.x;
-        let ray = three(|c| d[0][c] + d[1][c] * u + d[2][c] * v);
-        let scale = 1.0 / dot(ray, ray).sqrt();
-        let ray = three(|c| ray[c] * scale);
-        let limit = furthest * e.depth[i];
-        let finite = hit[i] < f32::INFINITY;
-        let distance = if limit < hit[i] { limit } else { hit[i] };
-        let (position, normal) = (lane(&e.position, i), lane(&e.normal, i));
-        // At rest: the image of a plane mirror lies behind it, on the eye ray. Else mirrored in the plane of then.
-        let moved = MOVED & (e.moved[i] != 0);
-        let (was_at, was_facing) = (lane(&e.was_at, i), lane(&e.was_facing, i));
-        let twice = 2.0 * dot(ray, normal);
-        let reflected = three(|c| ray[c] - twice * normal[c]);
-        let direction = three(|c| if moved { reflected[c] } else { ray[c] });
-        let point = three(|c| position[c] + direction[c] * distance);
-        let from_plane = three(|c| if finite { point[c] - was_at[c] } else { direction[c] });
-        let twice = 2.0 * dot(from_plane, was_facing);
-        let unmirrored = three(|c| if finite { point[c] } else { direction[c] });
-        let mirrored = three(|c| if moved { unmirrored[c] - twice * was_facing[c] } else { unmirrored[c] });
-        let (px, py, ahead) = pixel(previous, mirrored, if finite { 1.0 } else { 0.0 });
-        let (cx, cy) = (px - now.jitter.x, py - now.jitter.y);
-        coordinate[0][i] = cx;
-        coordinate[1][i] = cy;
-        let on_screen = (cx >= guard) & (cy >= guard) & (cx <= width - guard) & (cy <= height - guard);
-        alive[i] &= u32::from(ahead & on_screen);
-    }
-}
-
-/// `bent_coordinate` of lanes that show a curved reflector, over what `coordinate` holds for plane ones. `footprint`
-/// and `visible` are those of the surface's own place; `hit`: filtered hit distances.
-#[inline(always)]
-pub(crate) fn bent_coordinates(
-    guides: &CpuGuides,
-    settings: &Settings,
-    e: &Expected,
-    (footprint, visible): (&Footprint, &Lookup),
-    hit: &Lanes,
-    coordinate: &mut [Lanes; 2],
-    alive: &mut [u32; LANES],
-) {
-    let (now, before) = (&guides.now, &guides.before);
-    let (width, height) = (guides.phases.size.width as f32, guides.phases.size.height as f32);
-    let guard = settings.surface.guard_band;
-    let farthest = FARTHEST_BENT_PX * height / REFERENCE_ROWS;
-    let direction = |view: &Projection, u: f32, v: f32| {
-        let d = &view.direction;
-        let ray = three(|c| d[0][c] + d[1][c] * u + d[2][c] * v);
-        let scale = 1.0 / dot(ray, ray).sqrt();
-        three(|c| ray[c] * scale)
-    };
-    let v = e.y as f32 + 0.5 + now.jitter.y;
-    // Where the reflected previous eye rays miss the hit points, at each of the four pixels.
-    let mut misses = [[[0.0; LANES]; 3]; 4];
-    let mut reflected = [[0.0; LANES]; 3];
-    let mut hits = [[0.0; LANES]; 3];
-    for i in 0..LANES {
-        let ray = direction(&now.view, e.x[i] + 0.5 + now.jitter.x, v);
-        let normal = lane(&e.normal, i);
-        let twice = 2.0 * dot(ray, normal);
-        for c in 0..3 {
-            reflected[c][i] = ray[c] - twice * normal[c];
-            hits[c][i] = e.position[c][i] + reflected[c][i] * hit[i];
-        }
-    }
-    for (k, miss) in misses.iter_mut().enumerate() {
-        for i in 0..LANES {
-            let (u, v) = (footprint.column[k][i] + 0.5 + before.jitter.x, footprint.row[k][i] + 0.5 + before.jitter.y);
-            let ray = direction(&before.view, u, v);
-            let normal = lane(&footprint.normal[k], i);
-            let twice = 2.0 * dot(ray, normal);
-            let to_hit = three(|c| hits[c][i] - footprint.position[k][c][i]);
-            let scale = 1.0 / dot(to_hit, to_hit).sqrt();
-            let finite = hit[i] < f32::INFINITY;
-            for c in 0..3 {
-                let wanted = if finite { to_hit[c] * scale } else { reflected[c][i] };
-                miss[c][i] = wanted - (ray[c] - twice * normal[c]);
-            }
-        }
-    }
-    for i in 0..LANES {
-        let [f0, f1, f2, f3] = [0, 1, 2, 3].map(|k| lane(&misses[k], i));
-        let middle = three(|c| 0.25 * ((f0[c] + f1[c]) + (f2[c] + f3[c])));
-        let du = three(|c| 0.5 * ((f1[c] - f0[c]) + (f3[c] - f2[c])));
-        let dv = three(|c| 0.5 * ((f2[c] - f0[c]) + (f3[c] - f1[c])));
-        let (a, b, c) = (dot(du, du), dot(du, dv), dot(dv, dv));
-        let (p, q) = (dot(du, middle), dot(dv, middle));
-        let determinant = a * c - b * b;
-        let (sx, sy) = (e.coordinate[0][i], e.coordinate[1][i]);
-        let x = (sx - 0.5).floor() + 1.0 + (b * q - c * p) / determinant;
-        let y = (sy - 0.5).floor() + 1.0 + (b * p - a * q) / determinant;
-        let (dx, dy) = (x - sx, y - sy);
-        let whole = (visible.weight[0][i] > 0.0)
-            & (visible.weight[1][i] > 0.0)
-            & (visible.weight[2][i] > 0.0)
-            & (visible.weight[3][i] > 0.0);
-        let solved = (determinant > LEAST_BENT_DETERMINANT * a * c) & ((dx * dx + dy * dy).sqrt() <= farthest);
-        let (x, y) = if whole & solved { (x, y) } else { (sx, sy) };
-        let bent = e.bent[i] != 0;
-        coordinate[0][i] = if bent { x } else { coordinate[0][i] };
-        coordinate[1][i] = if bent { y } else { coordinate[1][i] };
-        let on_screen = (x >= guard) & (y >= guard) & (x <= width - guard) & (y <= height - guard);
-        alive[i] = if bent { u32::from((visible.trust[i] > 0.0) & on_screen) } else { alive[i] };
-    }
-}
-
-/// The glossy hit distances of the lanes after the 3x3 filter over the same reflector.
-#[inline(always)]
-pub(crate) fn filtered_hits(
-    guides: &CpuGuides,
-    filter: HitFilter,
-    e: &Expected,
-    (phase, first): (usize, usize),
-    hits: &mut Lanes,
-) {
-    let (phases, size) = (&guides.phases, guides.phases.size);
-    let row = |y: usize| &guides.glossy_hit[y * size.width..][..size.width];
-    let begin = phases.range(phase).start + first;
-    copy::<LANES, _>(&mut hits[..e.n], &row(e.y)[begin..][..e.n]);
-    let mut values = [[0.0f32; LANES]; 9];
-    let mut counts = [[0u32; LANES]; 9];
-    if filter == HitFilter::Off {
-        return;
-    }
-    for k in 0..9 {
-        let (dx, ty) = (k as i32 % 3 - 1, (e.y + k / 3).wrapping_sub(1));
-        if ty >= size.height {
-            continue;
-        }
-        let Some(span) = phases.shifted(phase, first, e.n, dx) else { continue };
-        let n = span.len;
-        let source = &row(ty)[span.source..][..n];
-        let depth = &field(&guides.now.depth, size.width, 1, ty, 0)[span.source..][..n];
-        let id = &field(&guides.now.id, size.width, 1, ty, 0)[span.source..][..n];
-        let own = &e.id[span.first..][..n];
-        if filter == HitFilter::Min {
-            let hits = &mut hits[span.first..][..n];
-            for i in 0..n {
-                let counts = (depth[i] < f32::INFINITY) & (id[i] == own[i]) & (source[i] < hits[i]);
-                hits[i] = if counts { source[i] } else { hits[i] };
-            }
-        } else {
-            values[k][span.first..][..n].copy_from_slice(source);
-            let counts = &mut counts[k][span.first..][..n];
-            for i in 0..n {
-                counts[i] = u32::from((depth[i] < f32::INFINITY) & (id[i] == own[i]));
-            }
-        }
-    }
-    if filter == HitFilter::Median {
-        for i in 0..e.n {
-            let mut around = [0.0; 9];
-            let mut count = 0;
-            for k in 0..9 {
-                if counts[k][i] != 0 {
-                    around[count] = values[k][i];
-                    count += 1;
-                }
-            }
-            around[..count].sort_unstable_by(f32::total_cmp);
-            hits[i] = around[..count].get(count / 2).copied().unwrap_or(hits[i]);
         }
     }
 }

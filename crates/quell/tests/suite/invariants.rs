@@ -3,9 +3,8 @@
 use super::frames::*;
 use glam::{DVec2, DVec3, Vec2, Vec3};
 use quell::border::{PlaneName, Repair};
-use quell::kernels::reproject::{
-    bent_coordinate, expected_surface, previous_reflector, surface_lookup, virtual_coordinate,
-};
+use quell::kernels::mirror_image::{bent_coordinate, previous_reflector, virtual_coordinate};
+use quell::kernels::reproject::{expected_surface, surface_lookup};
 use quell::pipeline::{Inputs, Plan, Stage};
 use quell::settings::{Clip, Feedback, FireflyInput, GlossyRadius, Median, PARAMETERS, Rejection};
 use quell::stages::glossy_bilateral::{Axis, KernelSize, radius_px};

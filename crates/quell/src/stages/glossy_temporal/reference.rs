@@ -2,10 +2,10 @@
 
 use crate::border::Guides;
 use crate::frame::Rgb;
-use crate::kernels::reproject::{
-    Lookup, bent_coordinate, expected_surface, filtered_hit, previous_reflector, reflector_lookup, surface_lookup,
-    virtual_coordinate,
+use crate::kernels::mirror_image::{
+    bent_coordinate, filtered_hit, previous_reflector, reflector_lookup, virtual_coordinate,
 };
+use crate::kernels::reproject::{Lookup, expected_surface, surface_lookup};
 use crate::kernels::temporal::Blend;
 use crate::plane::Plane;
 use crate::settings::Settings;
