@@ -11,7 +11,7 @@ use serde_json::{Map, Value};
 use std::path::{Path, PathBuf};
 
 /// Resolved from the common options.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub struct Context {
     pub verbose: bool,
     pub quiet: bool,
@@ -55,6 +55,11 @@ impl Context {
             backend,
             command: command_line(),
         })
+    }
+
+    /// The same without messages.
+    pub fn silenced(&self) -> Self {
+        Self { quiet: true, verbose: false, ..self.clone() }
     }
 
     /// Something that the user should know; on standard error.

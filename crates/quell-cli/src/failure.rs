@@ -76,6 +76,15 @@ impl From<quell_trace::SceneError> for Failure {
     }
 }
 
+impl From<quell_trace::gltf::GltfError> for Failure {
+    fn from(error: quell_trace::gltf::GltfError) -> Self {
+        match error.problem {
+            quell_trace::gltf::Problem::Choice { .. } => Self::Usage(error.to_string()),
+            _ => Self::Failed(error.to_string()),
+        }
+    }
+}
+
 impl From<quell_trace::TraceError> for Failure {
     fn from(error: quell_trace::TraceError) -> Self {
         match error {

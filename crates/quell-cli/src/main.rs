@@ -7,6 +7,7 @@
 //! interrupt.rs  Ctrl-C and SIGTERM
 //! progress.rs   bars on a terminal, plain lines elsewhere
 //! output.rs     folders that can be written, addresses of pages, standard output
+//! scene.rs      scenes by name or from files, and their cameras
 //! sequence/     a scene traced, denoised, scored and shown, frame by frame: what `demo` and `render` share
 //! commands/     one file a command
 //! ```
@@ -18,6 +19,7 @@ mod failure;
 mod interrupt;
 mod output;
 mod progress;
+mod scene;
 mod sequence;
 
 use args::Cli;

@@ -14,9 +14,11 @@
 mod appearance;
 pub mod bsdf;
 mod builtin;
+pub mod camera_paths;
 mod cone;
 pub mod environment;
 mod geometry;
+pub mod gltf;
 mod hash;
 mod integrator;
 pub mod lights;

@@ -279,12 +279,14 @@ pub enum PointlikeLight {
 /// A camera that may move.
 #[derive(Clone, Debug)]
 pub struct CameraPath {
+    /// What users may call it; may be empty: cameras also have numbers.
+    pub name: String,
     /// Eye.
     pub position: Track<Vec3>,
     /// A point on the axis.
     pub target: Track<Vec3>,
-    /// Upwards.
-    pub up: Vec3,
+    /// Upwards: need not be unit nor at a right angle to the axis.
+    pub up: Track<Vec3>,
     /// Vertical opening angle in radians; orthographic: ignored.
     pub vertical_fov: Track<f32>,
     /// Height of the picture in world units for an orthographic camera.
@@ -295,9 +297,10 @@ impl CameraPath {
     /// A perspective camera that does not move. `vertical_fov` in degrees.
     pub fn fixed(position: Vec3, target: Vec3, vertical_fov: f32) -> Self {
         Self {
+            name: String::new(),
             position: position.into(),
             target: target.into(),
-            up: Vec3::Y,
+            up: Vec3::Y.into(),
             vertical_fov: vertical_fov.to_radians().into(),
             orthographic_height: None,
         }
@@ -307,9 +310,10 @@ impl CameraPath {
     pub fn moving(vertical_fov: f32, path: impl Fn(f64) -> (Vec3, Vec3) + Send + Sync + Clone + 'static) -> Self {
         let eye = path.clone();
         Self {
+            name: String::new(),
             position: Track::function(move |frame| eye(frame).0),
             target: Track::function(move |frame| path(frame).1),
-            up: Vec3::Y,
+            up: Vec3::Y.into(),
             vertical_fov: vertical_fov.to_radians().into(),
             orthographic_height: None,
         }
@@ -319,7 +323,8 @@ impl CameraPath {
     pub fn at(&self, frame: f64, size: Size) -> Option<Camera> {
         let position = self.position.at(frame);
         let forward = (self.target.at(frame) - position).try_normalize()?;
-        let right = forward.cross(self.up).try_normalize()?;
+        let up = self.up.at(frame);
+        let right = forward.cross(up).try_normalize()?;
         let aspect = size.width as f32 / size.height as f32;
         let camera = match self.orthographic_height {
             None => {
@@ -327,7 +332,7 @@ impl CameraPath {
                 if !(fov > 0.0 && fov < std::f32::consts::PI) {
                     return None;
                 }
-                Camera::perspective(position.into(), forward.into(), self.up.into(), fov, aspect)
+                Camera::perspective(position.into(), forward.into(), up.into(), fov, aspect)
             }
             Some(height) => {
                 if !(height > 0.0 && height.is_finite()) {

@@ -2,6 +2,7 @@
 
 use super::SamplingArgs;
 use super::ranges::Frames;
+use super::scene::SceneArgs;
 use super::values;
 use clap::Args;
 use quell::Size;
@@ -25,7 +26,7 @@ METHODS
 Interrupted, the same command goes on where it stopped."
 )]
 pub struct CompareArgs {
-    /// Built-in scene, or a folder with frames and references that quell wrote
+    /// glTF file, built-in scene, or a folder with frames and references that quell wrote
     pub source: String,
     /// Folder to write to
     #[arg(short, long, value_name = "DIR")]
@@ -42,6 +43,8 @@ pub struct CompareArgs {
     /// Frames, from the first
     #[arg(long, value_name = "N", value_parser = values::at_least_one::<u32>)]
     pub count: Option<u32>,
+    #[command(flatten)]
+    pub scene: SceneArgs,
     #[command(flatten)]
     pub sampling: SamplingArgs,
     /// Repeat with so many seeds, from --seed on: means with 95 % intervals

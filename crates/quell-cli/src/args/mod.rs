@@ -3,6 +3,7 @@
 
 pub mod compare;
 pub mod ranges;
+pub mod scene;
 pub mod values;
 
 use clap::{Args, Parser, Subcommand};
@@ -11,6 +12,7 @@ pub use compare::CompareArgs;
 use quell::Size;
 use quell_trace::Estimator;
 use ranges::Frames;
+use scene::SceneArgs;
 use std::path::PathBuf;
 use values::{BackendChoice, Setting};
 
@@ -113,8 +115,9 @@ pub struct DemoArgs {
 #[derive(Debug, Args)]
 #[command(before_help = "Example: quell render glossy-room -o frames --size 640x360 --count 24 --reference 256")]
 pub struct RenderArgs {
-    /// Built-in scene; `quell scenes` lists them
-    pub scene: String,
+    /// glTF file (.glb, .gltf), or built-in scene; `quell scenes` lists them
+    #[arg(value_name = "SCENE")]
+    pub source: String,
     /// Folder to write to
     #[arg(short, long, value_name = "DIR")]
     pub output: PathBuf,
@@ -127,6 +130,8 @@ pub struct RenderArgs {
     /// Frames to render, from the scene's first
     #[arg(long, value_name = "N", value_parser = values::at_least_one::<u32>)]
     pub count: Option<u32>,
+    #[command(flatten)]
+    pub scene: SceneArgs,
     #[command(flatten)]
     pub sampling: SamplingArgs,
     /// Do not denoise
@@ -156,8 +161,8 @@ pub struct RenderArgs {
 /// How light is sampled.
 #[derive(Debug, Args)]
 pub struct SamplingArgs {
-    /// Number of the camera, from 1
-    #[arg(long, value_name = "N", default_value = "1")]
+    /// Number of the camera, from 1, or its name; or orbit, dolly, still: a path for the first
+    #[arg(long, value_name = "NAME", default_value = "1")]
     pub camera: String,
     /// exact (converges to the full integral) or paper (as published)
     #[arg(long, value_name = "NAME", default_value = "exact", value_parser = values::estimator)]
@@ -215,7 +220,7 @@ pub struct ScoreArgs {
 #[derive(Debug, Args)]
 #[command(before_help = "Example: quell bench --size 1280x720,5120x2880")]
 pub struct BenchArgs {
-    /// Trace this built-in scene [default: frames that are made up]
+    /// Trace this glTF file or built-in scene [default: frames that are made up]
     #[arg(long, value_name = "SCENE")]
     pub scene: Option<String>,
     /// Extents to measure
@@ -273,10 +278,13 @@ pub enum ReproducePart {
 #[derive(Debug, Args)]
 #[command(before_help = "Example: quell explain --set firefly.enabled=off")]
 pub struct ExplainArgs {
-    /// Built-in scene [default: the pipeline]
-    pub scene: Option<String>,
+    /// glTF file or built-in scene [default: the pipeline]
+    #[arg(value_name = "SCENE", id = "source")]
+    pub source: Option<String>,
+    #[command(flatten)]
+    pub scene: SceneArgs,
     /// The parameters as docs/parameters.md holds them
-    #[arg(long, conflicts_with = "scene")]
+    #[arg(long, conflicts_with = "source")]
     pub markdown: bool,
 }
 

@@ -3,10 +3,12 @@
 mod synthetic;
 
 use crate::args::BenchArgs;
+use crate::args::scene::SceneArgs;
 use crate::context::{Context, backend_name};
 use crate::failure::Failure;
 use crate::interrupt;
 use crate::progress::Progress;
+use crate::scene;
 use crate::sequence::FIRST_FRAME;
 use crate::sequence::times::{StageClock, paper_number};
 use quell::pipeline::{Inputs, Plan, Stage};
@@ -14,7 +16,7 @@ use quell::{Denoiser, FrameBuf, Size};
 use quell_lab::report::StageTime;
 use quell_lab::report::document::Section;
 use quell_lab::report::table::Table;
-use quell_trace::{Control, RenderOptions, Tracer, builtin};
+use quell_trace::{Control, RenderOptions, Tracer};
 use serde_json::{Map, Value, json};
 use std::time::{Duration, Instant};
 
@@ -158,7 +160,7 @@ struct Rays {
 
 /// One frame of a scene, and how fast it was traced.
 fn traced(context: &Context, name: &str, size: Size) -> Result<(FrameBuf, Rays), Failure> {
-    let scene = builtin(name)?;
+    let scene = scene::open(context, name, &SceneArgs::default())?.scene;
     let tracer = Tracer::new(&scene, FIRST_FRAME, 1)?;
     let progress = Progress::new("trace", 1, context.quiet);
     let told = |share: f32| progress.within(0, share, "tracing");

@@ -1,20 +1,19 @@
 //! `quell explain`: the pipeline as it will run, every parameter; `quell explain SCENE`: what a scene holds.
 
 use crate::args::ExplainArgs;
+use crate::commands::explain_scene;
 use crate::context::Context;
 use crate::failure::Failure;
 use crate::output;
-use crate::sequence::FIRST_FRAME;
 use crate::sequence::times::paper_number;
 use quell::Settings;
 use quell::pipeline::{Image, Inputs, Plan, Stage};
 use quell::settings::{PARAMETERS, Parameter, parameters_markdown};
-use quell_trace::{Tracer, builtin};
 use serde_json::{Map, Value, json};
 
 pub fn run(context: &Context, args: ExplainArgs) -> Result<(), Failure> {
-    match args.scene {
-        Some(scene) => explain_scene(context, &scene),
+    match args.source {
+        Some(source) => explain_scene::run(context, &source, &args.scene),
         None if args.markdown => output::print(&parameters_markdown()),
         None => explain_pipeline(context),
     }
@@ -85,32 +84,4 @@ fn described(parameter: &Parameter, context: &Context) -> Result<String, Failure
         }
     }
     Ok(text)
-}
-
-fn explain_scene(context: &Context, name: &str) -> Result<(), Failure> {
-    let scene = builtin(name)?;
-    let tracer = Tracer::new(&scene, FIRST_FRAME, 1)?;
-    let stresses = quell_trace::builtin_scenes().iter().find(|s| s.name == name).map_or("", |s| s.stresses);
-    let counts = [
-        ("meshes", scene.meshes.len()),
-        ("meshes that deform", scene.meshes.iter().filter(|m| m.deform.is_some()).count()),
-        ("instances", scene.instances.len()),
-        ("materials", scene.surfaces.len()),
-        ("triangles in the world", tracer.triangles()),
-        ("lights (triangles that emit, and lights without extent)", tracer.lights()),
-        ("cameras", scene.cameras.len()),
-        ("frames", scene.frames),
-    ];
-    let mut text = format!("{name}: {stresses}\n\n");
-    for (what, count) in counts {
-        text.push_str(&format!("{count:>9}  {what}\n"));
-    }
-    text.push_str(&format!("{:>9}  exposure\n", scene.exposure));
-    text.push_str("\nNothing was ignored: built-in scenes are made by code.");
-    let mut further = Map::new();
-    let counted: Map<String, Value> = counts.into_iter().map(|(what, n)| (what.to_owned(), n.into())).collect();
-    further.insert("scene".to_owned(), json!({"name": name, "stresses": stresses, "exposure": scene.exposure}));
-    further.insert("holds".to_owned(), counted.into());
-    further.insert("ignored".to_owned(), Value::Array(Vec::new()));
-    context.finish(&context.report(), further, &text)
 }

@@ -4,6 +4,7 @@ mod bench;
 mod compare;
 mod demo;
 mod explain;
+mod explain_scene;
 mod render;
 mod reproduce;
 mod scenes;

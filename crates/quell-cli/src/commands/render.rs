@@ -3,6 +3,7 @@
 use crate::args::{RenderArgs, SamplingArgs};
 use crate::context::Context;
 use crate::failure::Failure;
+use crate::scene;
 use crate::sequence::files::Files;
 use crate::sequence::references::ReferenceSource;
 use crate::sequence::{FIRST_FRAME, Job};
@@ -10,11 +11,11 @@ use quell::Size;
 use quell_frames::Precision;
 use quell_lab::cache::Cache;
 use quell_lab::references::ReferenceTarget;
-use quell_trace::{RenderOptions, Scene, builtin};
+use quell_trace::RenderOptions;
 
 pub fn run(context: &Context, args: RenderArgs) -> Result<(), Failure> {
-    let mut scene = builtin(&args.scene)?;
-    let camera = camera(&scene, &args.sampling.camera)?;
+    let mut scene = scene::open(context, &args.source, &args.scene)?.scene;
+    let camera = scene::camera(&mut scene, &args.sampling.camera)?;
     if let Some(exposure) = args.exposure {
         scene.exposure = exposure;
     }
@@ -69,13 +70,5 @@ pub fn options(size: Size, sampling: &SamplingArgs) -> Result<RenderOptions, Fai
         variances: sampling.spp > 1,
         halves: sampling.spp > 1,
         ..defaults
-    })
-}
-
-/// A camera of the scene, counted from 1.
-pub fn camera(scene: &Scene, text: &str) -> Result<usize, Failure> {
-    let count = scene.cameras.len();
-    text.parse().ok().filter(|n| (1..=count).contains(n)).ok_or_else(|| {
-        Failure::Usage(format!("camera `{text}` does not exist: scene `{}` has cameras 1 to {count}", scene.name))
     })
 }

@@ -1,6 +1,7 @@
 //! The built program as a user meets it: help, usage errors, output on both streams, files, interrupts.
 
 mod compare;
+mod gltf;
 
 use serde_json::Value;
 use std::path::{Path, PathBuf};

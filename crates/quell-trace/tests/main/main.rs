@@ -1,6 +1,7 @@
 //! Tests of the tracer from outside: physics, agreement of estimators, determinism, bad input.
 
 mod estimators;
+mod gltf;
 mod guides;
 mod mitsuba;
 mod robustness;

@@ -178,7 +178,9 @@ fn masks_cut_holes_for_the_eye_and_for_shadows() {
     scene.place(shapes::quad(Vec3::new(-1.5, 1.0, 1.5), Vec3::X * 3.0, Vec3::NEG_Z * 3.0), plate);
     let sun = quell_trace::PointlikeLight::Directional { direction: Vec3::NEG_Y, irradiance: Vec3::splat(2.0) };
     scene.lights.push(sun.into());
-    scene.cameras.push(CameraPath { up: Vec3::Z, ..CameraPath::fixed(Vec3::new(0.0, 8.0, 0.0), Vec3::ZERO, 30.0) });
+    scene
+        .cameras
+        .push(CameraPath { up: Vec3::Z.into(), ..CameraPath::fixed(Vec3::new(0.0, 8.0, 0.0), Vec3::ZERO, 30.0) });
     let frame = frame(&scene, Size::new(31, 31));
     let (ids, direct) = (frame.surface_id.unwrap(), frame.direct.unwrap());
     // The hole shows the floor, in the light that falls through the hole.

@@ -41,7 +41,7 @@ pub fn run(context: &Context, args: CompareArgs) -> Result<(), Failure> {
                 .to_owned(),
         ));
     }
-    let source = Source::new(&args)?;
+    let source = Source::new(context, &args)?;
     let competitors = competitors(&args.methods, source.has_halves())?;
     for crop in &args.crop {
         if let Some(size) = source.size() {

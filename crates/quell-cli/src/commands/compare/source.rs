@@ -6,13 +6,14 @@ use crate::context::Context;
 use crate::failure::Failure;
 use crate::interrupt;
 use crate::progress::Work;
+use crate::scene;
 use crate::sequence::FIRST_FRAME;
 use quell::Size;
 use quell_lab::cache::Cache;
 use quell_lab::compare::sequence::default_choice;
 use quell_lab::compare::{FolderSource, SceneSource, Sequence};
 use quell_lab::references::ReferenceTarget;
-use quell_trace::{RenderOptions, Scene, TraceError, builtin};
+use quell_trace::{RenderOptions, Scene, TraceError, builtin_scenes};
 use std::path::{Path, PathBuf};
 
 /// Small enough that a first comparison takes minutes.
@@ -36,17 +37,18 @@ pub struct FromScene {
 }
 
 impl Source {
-    pub fn new(args: &CompareArgs) -> Result<Self, Failure> {
+    pub fn new(context: &Context, args: &CompareArgs) -> Result<Self, Failure> {
         let folder = PathBuf::from(&args.source);
-        let scene = match builtin(&args.source) {
-            Ok(scene) => scene,
-            Err(_) if folder.is_dir() => return Self::folder(args, folder),
-            Err(error) => {
-                let and = format!("{error}; nor is there a folder of this name");
-                return Err(Failure::Usage(and));
+        if folder.is_dir() && !builtin_scenes().iter().any(|s| s.name == args.source) {
+            return Self::folder(args, folder);
+        }
+        let opened = scene::open(context, &args.source, &args.scene).map_err(|e| match e {
+            Failure::Usage(error) if !scene::is_file(&args.source) => {
+                Failure::Usage(format!("{error}; nor is there a folder of this name"))
             }
-        };
-        Self::scene(args, scene)
+            other => other,
+        })?;
+        Self::scene(args, opened.scene)
     }
 
     fn folder(args: &CompareArgs, folder: PathBuf) -> Result<Self, Failure> {
@@ -55,6 +57,8 @@ impl Source {
             (args.exposure.is_some(), "--exposure"),
             (args.seeds > 1, "--seeds"),
             (args.count.is_some(), "--count"),
+            (args.scene.name.is_some(), "--scene"),
+            (args.scene.clip.is_some(), "--clip"),
         ] {
             if given {
                 return Err(Failure::Usage(format!("{option} is for scenes; {} is a folder", folder.display())));
@@ -74,7 +78,7 @@ impl Source {
                 "--reference is for folders; the references of a scene are rendered (--reference-spp)".to_owned(),
             ));
         }
-        let camera = render::camera(&scene, &args.sampling.camera)?;
+        let camera = scene::camera(&mut scene, &args.sampling.camera)?;
         if let Some(exposure) = args.exposure {
             scene.exposure = exposure;
         }
