@@ -6,12 +6,12 @@
 //! quell.rs     quell with a preset, and the talk's ablations
 //! atrous.rs    Dammertz et al. 2010
 //! temporal.rs  accumulation alone
-//! svgf.rs      Schied et al. 2017
+//! svgf/        Schied et al. 2017
 //! oidn/        Open Image Denoise, loaded at run time
 //! surface.rs   what the temporal ones share: which pixels of the frame before show the same surface
 //! wavelet.rs   the pattern of the a-trous wavelet
 //! nlm.rs       non-local means, with features or of colour alone: Rousselle et al. 2013, 2012
-//! wlr.rs       weighted local regression: Moon et al. 2014
+//! wlr/         weighted local regression: Moon et al. 2014
 //! nfor.rs      first-order regression on features, weights from colour: Bitterli et al. 2016
 //! offline/     what the offline ones share: halves, features, non-local means, least squares
 //! ```

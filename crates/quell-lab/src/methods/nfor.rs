@@ -4,8 +4,8 @@
 //! Weights come from colour alone, the regression from features alone: features that say nothing about colour then do
 //! no harm. Constants and departures: docs/baselines-offline.md.
 
-use super::offline::image::{self, Colour, Image, LANES};
-use super::offline::noisy::{FEATURES, FilteredFeature, Halves, features, sample_variance};
+use super::offline::image::{Colour, Image, LANES};
+use super::offline::noisy::{FEATURES, FilteredFeature, Halves, features, finished, sample_variance};
 use super::offline::solve::{solve, sums};
 use super::offline::weights::{Guide, Kernel, Noisy, TILE, Tile, each_offset, each_tile, filter};
 use super::{Input, Method};
@@ -59,7 +59,7 @@ impl Method for Nfor {
         // Section 5.1: prefiltered features (noise-free ones stay as they are).
         let features = features(input).map(|f| f.prefiltered(self.level, &FEATURE_KERNEL));
         let denoised = self.denoise_colour(&noisy, &variance, &features);
-        Ok(image::plane(&denoised))
+        Ok(finished(input, &denoised))
     }
 }
 

@@ -2,7 +2,7 @@
 //! alone (Rousselle, Knaus, Zwicker, SIGGRAPH Asia 2012). Constants and departures: docs/baselines-offline.md.
 
 use super::offline::image::{self, Colour, Image};
-use super::offline::noisy::{FilteredFeature, Halves, box_mean, features, sample_variance};
+use super::offline::noisy::{FilteredFeature, Halves, box_mean, features, finished, sample_variance};
 use super::offline::weights::{Bound, Filtered, Guide, Kernel, Noisy, filter};
 use super::{Input, Method};
 use crate::error::Error;
@@ -79,7 +79,7 @@ impl Method for Nlm {
             let [a, b] = self.cross(&noisy, &variance, &[], &COLOUR_KERNEL, true);
             image::mean(&a.channels, &b.channels)
         };
-        Ok(image::plane(&denoised))
+        Ok(finished(input, &denoised))
     }
 }
 

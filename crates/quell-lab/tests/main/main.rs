@@ -5,6 +5,7 @@ mod browser;
 mod compare;
 mod comparison;
 mod metrics;
+mod offline;
 mod oidn;
 mod player;
 mod references;

@@ -118,12 +118,6 @@ impl Image {
     }
 }
 
-/// Three images as one plane.
-pub fn plane(colour: &Colour) -> Plane<Rgb> {
-    let [r, g, b] = colour;
-    Plane::from_fn(r.size, |x, y| [r.at(x, y), g.at(x, y), b.at(x, y)])
-}
-
 /// Channel by channel from two colours.
 pub fn zip(a: &Colour, b: &Colour, f: impl Fn(f32, f32) -> f32) -> Colour {
     std::array::from_fn(|c| a[c].zip(&b[c], &f))

@@ -4,16 +4,20 @@ use super::image::{self, Colour, Image};
 use super::weights::{Guide, Kernel, Noisy, filter};
 use crate::error::Error;
 use crate::methods::Input;
+use crate::tone::luminance;
 use fearless_simd::Level;
-use quell::{Plane, Rgb, Size};
+use quell::{Frame, Plane, Rgb, Size};
 
 /// Channels of all features: albedo 3, normal 3, depth 1.
 pub const FEATURES: usize = 7;
 
 /// Radius of the box that smooths a variance from two halves, which has but one degree of freedom a pixel.
 const SMOOTHING_RADIUS: usize = 2;
+/// Part of the samples' variance by which it differs from that of the halves, below which both are the same numbers.
+const SAME: f64 = 0.01;
 
-/// Colour from two independent halves of the samples.
+/// Light from two independent halves of the samples, without the frame's direct term: that has no noise, and a filter
+/// could only blur it. [`finished`] adds it again.
 pub struct Halves {
     /// From the first half.
     pub a: Colour,
@@ -22,12 +26,13 @@ pub struct Halves {
 }
 
 impl Halves {
-    /// The composites of both halves.
+    /// The composites of both halves, less the direct term.
     ///
     /// # Errors
     /// [`Error::Method`] where the frame has none.
     pub fn of(method: &str, input: &Input<'_>) -> Result<Self, Error> {
-        let [a, b] = input.half_composites().ok_or_else(|| Error::Method {
+        let frame = Frame { direct: None, ..*input.frame };
+        let [a, b] = Input { frame: &frame, ..*input }.half_composites().ok_or_else(|| Error::Method {
             method: method.to_owned(),
             reason: "needs two independent halves of the samples; render at least 2 samples a pixel, with halves"
                 .to_owned(),
@@ -59,12 +64,38 @@ impl Halves {
     }
 }
 
-/// The variance of the composite's luminance from that of the signals, up to a factor; where the frame has both.
+/// The finished picture: filtered light, no less than 0 (a linear model may predict that), and the direct term.
+pub fn finished(input: &Input<'_>, filtered: &Colour) -> Plane<Rgb> {
+    let [r, g, b] = filtered;
+    Plane::from_fn(input.frame.size, |x, y| {
+        let direct = input.frame.direct.map_or([0.0; 3], |p| p.at(x, y));
+        let light = [r, g, b].map(|c| c.at(x, y).max(0.0));
+        std::array::from_fn(|c| light[c] + if direct[c].is_finite() { direct[c] } else { 0.0 })
+    })
+}
+
+/// The variance of the composite's luminance from that of the signals, up to a factor; where the frame has both, and
+/// where they say more than the halves do: of two samples the variance is the difference of the halves, so that a pixel
+/// whose two paths found nothing would count as known to be black.
 pub fn sample_variance(input: &Input<'_>) -> Option<Image> {
     let frame = input.frame;
     let (matte, glossy) = (frame.matte_variance?, frame.glossy_variance?);
-    let weight =
-        |plane: Option<quell::PlaneRef<'_, Rgb>>, x, y| plane.map_or(1.0, |p| crate::tone::luminance(p.at(x, y)));
+    if let Some([a, b]) = input.halves {
+        let halves = |x, y| 0.25 * (luminance(a.matte.at(x, y)) - luminance(b.matte.at(x, y))).powi(2);
+        let (mut apart, mut all) = (0.0_f64, 0.0_f64);
+        for y in 0..frame.size.height {
+            for x in 0..frame.size.width {
+                let (own, of_halves) = (f64::from(matte.at(x, y)), f64::from(halves(x, y)));
+                apart += (own - of_halves).abs();
+                all += own.abs();
+            }
+        }
+        // What is not a number says nothing either.
+        if apart.is_nan() || apart <= SAME * all {
+            return None;
+        }
+    }
+    let weight = |plane: Option<quell::PlaneRef<'_, Rgb>>, x, y| plane.map_or(1.0, |p| luminance(p.at(x, y)));
     Some(Image::from_fn(frame.size, |x, y| {
         let (m, g) = (weight(frame.matte_weight, x, y), weight(frame.glossy_weight, x, y));
         m * m * matte.at(x, y) + g * g * glossy.at(x, y)

@@ -88,21 +88,20 @@ mod tests {
     const N: usize = 5;
     const TRIANGLE: usize = sums(N, 1);
 
-    /// Gauss's elimination with pivots, in double precision: the twin.
-    fn eliminate(mut m: [[f64; N + 1]; N]) -> [f64; N] {
-        for i in 0..N {
-            let pivot = (i..N).max_by(|&a, &b| m[a][i].abs().total_cmp(&m[b][i].abs())).unwrap();
-            m.swap(i, pivot);
-            for j in 0..N {
-                if j != i {
-                    let factor = m[j][i] / m[i][i];
-                    for k in 0..=N {
-                        m[j][k] -= factor * m[i][k];
-                    }
-                }
-            }
-        }
-        std::array::from_fn(|i| m[i][N] / m[i][i])
+    /// The twin: singular values of the weighted rows themselves, in double precision, by `nalgebra`.
+    fn by_singular_values(columns: &[[f32; N]], right: &[f32]) -> [f64; N] {
+        let rows = nalgebra::DMatrix::from_fn(columns.len(), N, |r, c| f64::from(columns[r][c]));
+        let right = nalgebra::DVector::from_iterator(right.len(), right.iter().map(|&y| f64::from(y)));
+        let solution = rows.svd(true, true).solve(&right, 1e-9).unwrap();
+        std::array::from_fn(|i| solution[i])
+    }
+
+    /// The largest difference between what two models say about the rows, over the largest right-hand side.
+    fn apart(columns: &[[f32; N]], right: &[f32], found: &[f32; N], twin: &[f64; N]) -> f64 {
+        let largest = right.iter().fold(0.0_f64, |l, &y| l.max(f64::from(y).abs()));
+        let says =
+            |row: &[f32; N]| (0..N).map(|i| f64::from(row[i]) * (f64::from(found[i]) - twin[i])).sum::<f64>().abs();
+        columns.iter().map(says).fold(0.0, f64::max) / largest
     }
 
     fn solved(columns: &[[f32; N]], right: &[f32]) -> [f32; N] {
@@ -127,37 +126,59 @@ mod tests {
         })
     }
 
-    fn rows(count: usize) -> Vec<[f32; N]> {
-        let mut state = 1_u32;
-        let mut next = || {
+    fn numbers(seed: u32) -> impl FnMut() -> f32 {
+        let mut state = seed;
+        move || {
             state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
             (state >> 8) as f32 / (1 << 24) as f32 - 0.5
-        };
+        }
+    }
+
+    fn rows(count: usize, seed: u32) -> Vec<[f32; N]> {
+        let mut next = numbers(seed);
         (0..count).map(|_| [1.0, next(), next(), next(), next()]).collect()
     }
 
     #[test]
-    fn agrees_with_elimination() {
-        let columns = rows(40);
-        let right: Vec<f32> = columns.iter().map(|r| (r[1] * 7.0).sin() + r[2] * r[3]).collect();
-        let mut dense = [[0.0_f64; N + 1]; N];
-        for (row, y) in columns.iter().zip(&right) {
+    fn agrees_with_a_general_crate() {
+        for seed in 0..200 {
+            let columns = rows(40, 3 * seed + 1);
+            let mut next = numbers(3 * seed + 2);
+            let right: Vec<f32> = columns.iter().map(|r| (r[1] * 7.0).sin() + r[2] * r[3] + next()).collect();
+            let (found, twin) = (solved(&columns, &right), by_singular_values(&columns, &right));
             for i in 0..N {
-                for j in 0..N {
-                    dense[i][j] += f64::from(row[i] * row[j]);
-                }
-                dense[i][N] += f64::from(row[i] * y);
+                assert!((f64::from(found[i]) - twin[i]).abs() < 1e-4, "{seed}: {found:?} {twin:?}");
             }
         }
-        let (found, twin) = (solved(&columns, &right), eliminate(dense));
-        for i in 0..N {
-            assert!((f64::from(found[i]) - twin[i]).abs() < 1e-4, "{found:?} {twin:?}");
+    }
+
+    /// A column that others almost explain: its coefficient means little, but what the model says about the rows must
+    /// be right, whether the column is kept or left out.
+    #[test]
+    fn almost_singular_systems_predict_as_a_general_crate_does() {
+        for seed in 0..200 {
+            // From clearly independent to equal within rounding.
+            let independence = 10.0_f32.powi(-((seed % 8) as i32));
+            let mut columns = rows(40, 5 * seed + 1);
+            for row in &mut columns {
+                row[4] = 0.5 * row[1] - row[3] + 0.25 + independence * row[4];
+            }
+            let mut next = numbers(5 * seed + 2);
+            let tilt = next();
+            let right: Vec<f32> = columns.iter().map(|r| 1.0 + r[1] - 2.0 * r[2] + tilt * r[4]).collect();
+            let (found, twin) = (solved(&columns, &right), by_singular_values(&columns, &right));
+            let apart = apart(&columns, &right, &found, &twin);
+            assert!(apart < 1e-4, "{seed}, independence {independence}: {apart}, {found:?} {twin:?}");
         }
+        // The canary: another model is found out.
+        let columns = rows(40, 1);
+        let right: Vec<f32> = columns.iter().map(|r| r[1]).collect();
+        assert!(apart(&columns, &right, &[0.0, 0.999, 0.0, 0.0, 0.0], &by_singular_values(&columns, &right)) > 1e-4);
     }
 
     #[test]
     fn dependent_and_constant_columns_get_nothing_and_do_no_harm() {
-        let mut columns = rows(40);
+        let mut columns = rows(40, 1);
         for row in &mut columns {
             row[3] = 2.0 * row[1] - row[2] + 0.5;
             row[4] = 0.0;

@@ -129,6 +129,23 @@ fn constants_are_preserved() {
 }
 
 #[test]
+fn direct_light_passes_through_and_nothing_is_negative() {
+    let mut scene = Scene::new(SMALL, 1.5);
+    let without = OFFLINE.map(|method| scene.run(method));
+    let lamp = |x: usize, y: usize| if (20..30).contains(&x) && y < 5 { 40.0 } else { 0.1 * (x % 3) as f32 };
+    scene.frame.direct = Some(Plane::from_fn(SMALL, |x, y| [lamp(x, y); 3]));
+    for (method, without) in OFFLINE.iter().zip(without) {
+        let with = scene.run(method);
+        for y in 0..SMALL.height {
+            for x in 0..SMALL.width {
+                let (with, without) = (with.at(x, y), without.at(x, y));
+                assert!(with.iter().zip(without).all(|(w, o)| o >= 0.0 && *w == o + lamp(x, y)), "{method} ({x}, {y})");
+            }
+        }
+    }
+}
+
+#[test]
 fn first_order_regression_reproduces_what_is_linear_in_features() {
     let scene = Scene::new(SMALL, 0.0);
     let features = scene.features();
@@ -204,6 +221,27 @@ fn variance_from_halves_is_unbiased() {
     assert!((mean_of(shaped) / 0.02 - 1.0).abs() < 0.05);
     let ratio = shaped.at(40, 30) / shaped.at(41, 30);
     assert!((1.5..6.0).contains(&ratio), "{ratio}");
+}
+
+#[test]
+fn the_variance_of_two_samples_is_not_taken_for_more_than_the_halves_say() {
+    use crate::tone::luminance;
+    let mut scene = Scene::new(SMALL, 1.0);
+    let of_halves = |scene: &Scene| {
+        let [a, b] = &scene.halves;
+        let l = |p: &Plane<Rgb>, x, y| luminance(p.at(x, y));
+        Plane::from_fn(SMALL, |x, y| 0.25 * (l(&a.matte, x, y) - l(&b.matte, x, y)).powi(2))
+    };
+    scene.frame.glossy_variance = Some(Plane::filled(SMALL, 0.0));
+    scene.frame.matte_variance = Some(of_halves(&scene));
+    let shape = |scene: &Scene| {
+        let [a, b] = &scene.halves;
+        super::noisy::sample_variance(&Input { frame: &scene.frame.frame(&[]), halves: Some([a, b]) })
+    };
+    assert!(shape(&scene).is_none());
+    // More samples know more than their halves.
+    scene.frame.matte_variance = Some(Plane::filled(SMALL, 0.3));
+    assert!(shape(&scene).is_some());
 }
 
 /// The regressions of both halves at two strengths.

@@ -3,8 +3,13 @@
 //! At each pixel a linear model in pixel position, normal, albedo and depth, whose window is shaped by the data: narrow
 //! along features in which colour is steep. Constants and departures: docs/baselines-offline.md.
 
-use super::offline::image::{self, Colour, Image, LANES};
-use super::offline::noisy::{FEATURES, Feature, Halves, features, sample_variance};
+mod eigen;
+mod window;
+
+use self::eigen::eigen;
+use self::window::{POSITIONS, Window, gather, products, total, vector};
+use super::offline::image::{Colour, Image, LANES};
+use super::offline::noisy::{FEATURES, Feature, Halves, features, finished, sample_variance};
 use super::offline::solve::{solve, sums};
 use super::offline::weights::{TILE, Tile, each_tile};
 use super::{Input, Method};
@@ -38,9 +43,6 @@ const BANDWIDTHS: [f32; 4] = [0.12, 0.35, 1.0, 2.8];
 /// A difference between two estimates is bias only beyond so many times the variance of that difference.
 const DOUBT: f32 = 9.0;
 
-/// Elements of a window in reading order; 0 beyond the last.
-type Window = [f32; VECTORS * LANES];
-
 /// The method.
 #[derive(Debug)]
 pub struct Wlr {
@@ -65,7 +67,7 @@ impl Method for Wlr {
     fn denoise(&mut self, input: &Input<'_>) -> Result<Plane<Rgb>, Error> {
         let noisy = Halves::of("wlr", input)?;
         let variance = noisy.variance(sample_variance(input).as_ref());
-        Ok(image::plane(&self.regress(&noisy.mean(), &variance, &features(input))))
+        Ok(finished(input, &self.regress(&noisy.mean(), &variance, &features(input))))
     }
 }
 
@@ -144,47 +146,6 @@ impl Local {
             weights: empty,
         }
     }
-}
-
-/// Copies a window, row by row.
-#[inline(always)]
-fn gather(image: &Image, centre: usize, window: &mut Window) {
-    let begin = centre - RADIUS * image.stride() - RADIUS;
-    for row in 0..SIDE {
-        window[row * SIDE..][..SIDE].copy_from_slice(&image.data()[begin + row * image.stride()..][..SIDE]);
-    }
-}
-
-#[inline(always)]
-fn vector<S: Simd>(simd: S, window: &Window, v: usize) -> f32x16<S> {
-    f32x16::from_slice(simd, &window[v * LANES..(v + 1) * LANES])
-}
-
-/// The sum of all lanes, in one order on every machine.
-#[inline(always)]
-fn total<S: Simd>(v: f32x16<S>) -> f32 {
-    let mut quarters = [0.0; 4];
-    for l in 0..4 {
-        quarters[l] = (v[l] + v[l + 8]) + (v[l + 4] + v[l + 12]);
-    }
-    (quarters[0] + quarters[2]) + (quarters[1] + quarters[3])
-}
-
-/// Sums of a b_i over a window for several b.
-#[inline(always)]
-fn products<S: Simd, const T: usize>(simd: S, a: &Window, b: [&Window; T]) -> [f32; T] {
-    let mut sums = [f32x16::splat(simd, 0.0); T];
-    for v in 0..VECTORS {
-        let a = vector(simd, a, v);
-        for t in 0..T {
-            sums[t] = a.mul_add(vector(simd, b[t], v), sums[t]);
-        }
-    }
-    let mut totals = [0.0; T];
-    for t in 0..T {
-        totals[t] = total(sums[t]);
-    }
-    totals
 }
 
 impl Planes<'_> {
@@ -425,61 +386,3 @@ fn best_bandwidth(estimates: &[[f32; 3]; BANDWIDTHS.len()], variances: &[f32; BA
     };
     (1..BANDWIDTHS.len()).fold(0, |best, i| if error(i) < error(best) { i } else { best })
 }
-
-/// Eigenvalues, and eigenvectors as columns, of the leading `count` rows and columns of a symmetric matrix: Jacobi's
-/// rotations, in the order of rows. Nine unknowns at most, a million times a picture.
-fn eigen(m: &[[f32; DIMENSIONS]; DIMENSIONS], count: usize) -> ([f32; DIMENSIONS], [[f32; DIMENSIONS]; DIMENSIONS]) {
-    /// Sweeps converge quadratically: six leave nothing that single precision shows.
-    const SWEEPS: usize = 6;
-    /// Elements below this part of the trace count as 0.
-    const NEGLIGIBLE: f32 = 1e-6;
-    let mut a = *m;
-    let mut vectors = [[0.0; DIMENSIONS]; DIMENSIONS];
-    for i in 0..DIMENSIONS {
-        vectors[i][i] = 1.0;
-    }
-    let least = NEGLIGIBLE * (0..count).map(|i| a[i][i]).sum::<f32>();
-    for _ in 0..SWEEPS {
-        let mut rotated = false;
-        for p in 0..count {
-            for q in p + 1..count {
-                if a[p][q].abs() <= least {
-                    continue;
-                }
-                rotated = true;
-                let theta = (a[q][q] - a[p][p]) / (2.0 * a[p][q]);
-                let t = theta.signum() / (theta.abs() + (theta * theta + 1.0).sqrt());
-                let c = 1.0 / (t * t + 1.0).sqrt();
-                let s = t * c;
-                for k in 0..count {
-                    let (kp, kq) = (a[k][p], a[k][q]);
-                    (a[k][p], a[k][q]) = (c * kp - s * kq, s * kp + c * kq);
-                }
-                // Whole rows: constant length, so the compiler takes them at once.
-                for k in 0..DIMENSIONS {
-                    let (pk, qk) = (a[p][k], a[q][k]);
-                    (a[p][k], a[q][k]) = (c * pk - s * qk, s * pk + c * qk);
-                    // Transposed: eigenvectors as rows.
-                    let (pk, qk) = (vectors[p][k], vectors[q][k]);
-                    (vectors[p][k], vectors[q][k]) = (c * pk - s * qk, s * pk + c * qk);
-                }
-            }
-        }
-        if !rotated {
-            break;
-        }
-    }
-    (std::array::from_fn(|i| a[i][i]), std::array::from_fn(|i| std::array::from_fn(|j| vectors[j][i])))
-}
-
-/// dx and dy in units of the radius.
-static POSITIONS: [Window; 2] = {
-    let mut positions = [[0.0; VECTORS * LANES]; 2];
-    let mut i = 0;
-    while i < COUNT {
-        positions[0][i] = (i % SIDE) as f32 / RADIUS as f32 - 1.0;
-        positions[1][i] = (i / SIDE) as f32 / RADIUS as f32 - 1.0;
-        i += 1;
-    }
-    positions
-};
