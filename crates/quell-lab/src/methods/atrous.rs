@@ -13,13 +13,25 @@ use quell::{Frame, Plane, Rgb};
 
 /// Levels of the wavelet; level i has taps 2^i pixels apart.
 const LEVELS: usize = 5;
-/// sigma_rt of the first level, in units of the signal's mean luminance over the frame's surfaces; halves every level.
-/// The paper leaves the three sigmas to the scene.
-const SIGMA_COLOUR: f32 = 200.0;
-/// sigma_n.
-const SIGMA_NORMAL: f32 = 0.1;
-/// sigma_x, as a part of the view depth.
-const SIGMA_POSITION: f32 = 0.1;
+/// The three sigmas of equations 6 to 8, which the paper leaves to the scene, in units that scale with it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Constants {
+    /// sigma_rt of the first level, in units of the signal's mean luminance over the frame's surfaces; halves every
+    /// level.
+    pub colour: f32,
+    /// sigma_n.
+    pub normal: f32,
+    /// sigma_x, as a part of the view depth.
+    pub position: f32,
+}
+
+impl Default for Constants {
+    /// Fitted: docs/baselines.md.
+    fn default() -> Self {
+        Self { colour: 50.0, normal: 0.28, position: 0.07 }
+    }
+}
+
 /// Where the background lies: so far off that its weight is 0.
 const FAR: f32 = 1e15;
 
@@ -28,6 +40,7 @@ const LIGHT: usize = 6;
 
 /// The method.
 pub struct Atrous {
+    constants: Constants,
     level: Level,
     buffers: Option<Buffers>,
 }
@@ -41,7 +54,14 @@ struct Buffers {
 
 impl Default for Atrous {
     fn default() -> Self {
-        Self { level: Level::new(), buffers: None }
+        Self::new(Constants::default())
+    }
+}
+
+impl Atrous {
+    /// With other sigmas than the fitted ones.
+    pub fn new(constants: Constants) -> Self {
+        Self { constants, level: Level::new(), buffers: None }
     }
 }
 
@@ -64,14 +84,14 @@ impl Method for Atrous {
         guides.read(frame);
         signals(frame, light);
         positions(frame, guides, position);
-        let mut sigma_colour = mean_luminances(light, guides).map(|mean| SIGMA_COLOUR * mean);
+        let mut sigma_colour = mean_luminances(light, guides).map(|mean| self.constants.colour * mean);
         for level in 0..LEVELS {
             let inverse = sigma_colour.map(|s| if s > 0.0 { 1.0 / (s * s) } else { 0.0 });
-            let (simd, width) = (self.level, frame.size.width);
+            let (simd, constants, width) = (self.level, &self.constants, frame.size.width);
             next.fill(|y, row| {
                 for x in (0..width).step_by(BLOCK) {
                     let len = BLOCK.min(width - x);
-                    let sums = dispatch!(simd, _simd => block(1 << level, inverse, guides, position, light, (x, y)));
+                    let sums = dispatch!(simd, _simd => block(constants, 1 << level, inverse, guides, position, light, (x, y)));
                     for (c, sums) in sums.iter().flatten().enumerate() {
                         row[c * width + x..][..len].copy_from_slice(&sums[..len]);
                     }
@@ -122,6 +142,7 @@ fn mean_luminances(light: &Rows, guides: &Guides) -> [f32; 2] {
 /// distance of normals is divided by step^2.
 #[inline(always)]
 fn block(
+    constants: &Constants,
     step: usize,
     inverse_colour: [f32; 2],
     guides: &Guides,
@@ -133,10 +154,10 @@ fn block(
     let [nx, ny, nz] = [0, 1, 2].map(|c| own(&guides.surface, NORMAL + c));
     let [px, py, pz] = [0, 1, 2].map(|c| own(position, c));
     let own_light = [[0, 1, 2], [3, 4, 5]].map(|signal| signal.map(|c| own(light, c)));
-    let inverse_normal = 1.0 / (SIGMA_NORMAL * SIGMA_NORMAL * (step * step) as f32);
+    let inverse_normal = 1.0 / (constants.normal * constants.normal * (step * step) as f32);
     let mut inverse_position = own(&guides.surface, DEPTH);
     for z in &mut inverse_position {
-        let sigma = SIGMA_POSITION * *z;
+        let sigma = constants.position * *z;
         *z = if *z < BACKGROUND { 1.0 / (sigma * sigma) } else { 1.0 };
     }
     let mut sums = own_light;
