@@ -180,21 +180,28 @@ fn edge_stopping_by(
         .collect()
 }
 
-/// Bands of a map on each surface, over the pixels where `mask` is 1: x - E_1.5(x) and E_1.5(x) - E_12(x), 0 elsewhere. The
-/// wide Gaussian is taken of the narrow one's result, from pixels 4 (at 225 rows) apart.
-pub fn surface_bands(surfaces: &Surfaces<'_>, map: &Map, mask: &Map) -> [Map; 2] {
-    let step = Radii::of(surfaces.size()).px(4.0).round().max(1.0) as usize;
-    let smooth = |map: &Map, sigma: f32, step: usize| {
-        edge_stopping_by(surfaces, &[map], &[sigma], step, Some(mask)).pop().and_then(|mut kinds| kinds.pop())
-    };
-    let near = smooth(map, FINE, 1).unwrap_or_else(|| map.clone());
-    // Variances of Gaussians add up.
-    let wide = smooth(&near, (WIDE * WIDE - FINE * FINE).sqrt(), step).unwrap_or_else(|| near.clone());
-    let band = |a: &Map, b: &Map| combined(&difference(a, b), mask, |v, m| v * m);
-    [band(map, &near), band(&near, &wide)]
+/// The band E_3(x) - E_12(x) of a map on each surface, over the pixels where `mask` is 1; 0 elsewhere. Each Gaussian is
+/// taken of the narrower one's result, from pixels further apart.
+pub fn surface_band(surfaces: &Surfaces<'_>, map: &Map, mask: &Map) -> Map {
+    let radii = Radii::of(surfaces.size());
+    let (mut smooth, mut reached, mut near) = (map.clone(), 0.0_f32, None);
+    // Sigma, and how far apart pixels are taken; at 225 rows.
+    for (sigma, step) in [(FINE, 1.0), (NARROW, 2.0), (WIDE, 4.0)] {
+        let step = radii.px(step).round().max(1.0) as usize;
+        // Variances of Gaussians add up.
+        let rest = (sigma * sigma - reached * reached).sqrt();
+        let found = edge_stopping_by(surfaces, &[&smooth], &[rest], step, Some(mask)).pop().and_then(|mut k| k.pop());
+        let before = std::mem::replace(&mut smooth, found.unwrap_or_else(|| map.clone()));
+        near = Some(before);
+        reached = sigma;
+    }
+    let near = near.unwrap_or_else(|| map.clone());
+    combined(&difference(&near, &smooth), mask, |v, m| v * m)
 }
 
-/// Sigma of the wide band's end, pixels at 225 rows.
+/// Sigmas of the band's ends, pixels at 225 rows. The narrow one is wide enough that lost detail, which `blur` scores,
+/// hardly counts.
+const NARROW: f32 = 3.0;
 const WIDE: f32 = 12.0;
 
 /// Pixels within `radius` (pixels of this picture) of a marked one.

@@ -1,17 +1,16 @@
 //! All of the scorecard that depends on the references and the guides only: computed once a sequence.
 
-use super::bands::{FINE, Map, Radii, combined, difference, dilated, edge_stopping, mapped, surface_bands};
+use super::bands::{FINE, Map, Radii, combined, difference, dilated, edge_stopping, mapped, surface_band};
 use super::fit::{self, Row, Sums};
 use super::history::{OLD, Previous, ages, back, previous, stale};
 use super::lag::{Change, changes};
+use super::light::{LEAST_ALBEDO, demodulated, light, perceived, scale};
 use super::surfaces::{Kept, Surfaces, cubic};
 use crate::error::Error;
-use crate::tone::{LIT_PART_OF_MEAN, luminance};
+use crate::tone::luminance;
 use quell::{FrameBuf, Plane, Rgb, Size};
 use rayon::prelude::*;
 
-/// What the log-mean luminance of lit surfaces times k becomes: mid grey.
-const MID_GREY: f64 = 0.18;
 /// B_t: pixels within this distance of an edge, at 225 rows.
 const EDGE_RADIUS: f32 = 6.0;
 /// Stale light that the ghosting predictor counts, stops.
@@ -26,11 +25,6 @@ pub(super) const FRESH_FRAMES: u8 = 4;
 const LOCAL: f32 = 6.0;
 /// Predictors below this, stops, do not cover a pixel.
 const COVERING: f32 = 0.02;
-/// Surfaces darker than this reflect too little to tell their light from rounding.
-const LEAST_ALBEDO: f32 = 0.02;
-/// Light beyond this counts as this: its logarithm stays finite.
-const LARGEST_LIGHT: f32 = 1e30;
-
 /// Bits of a pixel's flags.
 pub(super) mod flag {
     /// It shows a surface.
@@ -82,7 +76,7 @@ pub struct Instruments {
     pub(super) static_sequence: bool,
     pub(super) frames: Vec<FrameInstruments>,
     pub(super) sums: Sums,
-    /// Sum over the bands of the demodulated reference: products of the halves, and its pixels.
+    /// Sum over the band of the demodulated reference: products of the halves, and its pixels.
     pub(super) flatness: (f64, u64),
     /// Changes of the lamps.
     pub(super) changes: Vec<Change>,
@@ -127,8 +121,8 @@ pub(super) struct Demodulation {
     pub albedo: Map,
     /// Which pixels show the same surface; for scored frames.
     pub surfaces: Option<Kept>,
-    /// Fine band and wide band of the demodulated reference, for each half.
-    pub bands: Vec<[Map; 2]>,
+    /// The band of the demodulated reference, for each half.
+    pub bands: Vec<Map>,
 }
 
 impl Instruments {
@@ -325,11 +319,11 @@ impl Instruments {
             };
             if let Some(surfaces) = demodulation.surfaces.as_ref().and_then(Kept::surfaces) {
                 let mask = mask(own);
-                let bands = |(p, direct): (&Map, &Map)| {
+                let band = |(p, direct): (&Map, &Map)| {
                     let picture = mapped(p, |p| (p.exp2() - 1.0) / k);
-                    surface_bands(&surfaces, &demodulated(k, &picture, direct, &demodulation.albedo), &mask)
+                    surface_band(&surfaces, &demodulated(k, &picture, direct, &demodulation.albedo), &mask)
                 };
-                demodulation.bands = own.p.iter().zip(&directs).map(bands).collect();
+                demodulation.bands = own.p.iter().zip(&directs).map(band).collect();
             }
             let share = 1.0 / directs.len().max(1) as f32;
             for d in &directs {
@@ -343,9 +337,7 @@ impl Instruments {
             let (Some(a), Some(b)) = (demodulation.bands.first(), demodulation.bands.last()) else { continue };
             for i in (0..frame.flags.len()).filter(|&i| frame.has(i, flag::REFLECTS)) {
                 pixels += 1;
-                for (a, b) in a.iter().zip(b) {
-                    sum += f64::from(a.data()[i]) * f64::from(b.data()[i]);
-                }
+                sum += f64::from(a.data()[i]) * f64::from(b.data()[i]);
             }
         }
         self.flatness = (sum, pixels);
@@ -391,56 +383,6 @@ impl Instruments {
 pub(super) fn mask(frame: &FrameInstruments) -> Map {
     let size = frame.previous.size();
     Plane::from_fn(size, |x, y| if frame.has(y * size.width + x, flag::REFLECTS) { 1.0 } else { 0.0 })
-}
-
-/// x = log2(1 + k M'), where M' = (picture - direct) / albedo, all luminances.
-pub(super) fn demodulated(k: f32, picture: &Map, direct: &Map, albedo: &Map) -> Map {
-    let mut indirect = difference(picture, direct);
-    for (v, a) in indirect.data_mut().iter_mut().zip(albedo.data()) {
-        *v = (1.0 + k * (*v / a.max(LEAST_ALBEDO)).max(0.0)).log2();
-    }
-    indirect
-}
-
-/// Luminance, with what is negative or no number as 0.
-fn bounded_luminance(c: Rgb) -> f32 {
-    let l = luminance(c);
-    if l > 0.0 { l.min(LARGEST_LIGHT) } else { 0.0 }
-}
-
-/// Luminance of a picture.
-pub(super) fn light(picture: &Plane<Rgb>) -> Map {
-    let size = picture.size();
-    Plane::from_fn(size, |x, y| bounded_luminance(picture.at(x, y)))
-}
-
-/// P(c) = log2(1 + k luminance(c)), c clamped at 0: stops.
-pub(super) fn perceived(picture: &Plane<Rgb>, k: f32) -> Map {
-    let size = picture.size();
-    Plane::from_fn(size, |x, y| (1.0 + k * bounded_luminance(picture.at(x, y))).log2())
-}
-
-/// k = 0.18 / exp(mean log L) over the lit surface pixels (L above 1e-3 of their mean) of the sequence's half A.
-fn scale(frames: &[ReferenceFrame<'_>]) -> Result<f32, Error> {
-    let surface = |f: &ReferenceFrame<'_>, i: usize| {
-        f.frame.view_depth.as_ref().is_none_or(|d| d.data()[i].is_finite() && d.data()[i] > 0.0)
-    };
-    let lights = || {
-        frames.iter().flat_map(|f| {
-            let f = *f;
-            (0..f.a.data().len())
-                .filter(move |&i| surface(&f, i))
-                .map(move |i| f64::from(bounded_luminance(f.a.data()[i])))
-        })
-    };
-    let (sum, count) = lights().fold((0.0, 0u64), |(s, n), l| (s + l, n + 1));
-    let least = LIT_PART_OF_MEAN * sum / count.max(1) as f64;
-    let (logs, lit) = lights().filter(|&l| l > least && l > 0.0).fold((0.0, 0u64), |(s, n), l| (s + l.ln(), n + 1));
-    if lit == 0 {
-        return Err(Error::Empty { what: "no surface of the reference is lit: there is nothing to score".to_owned() });
-    }
-    let k = MID_GREY / (logs / lit as f64).exp();
-    Ok((k as f32).clamp(f32::MIN_POSITIVE, LARGEST_LIGHT))
 }
 
 /// Whether this frame's guides say that nothing moved since the frame before.

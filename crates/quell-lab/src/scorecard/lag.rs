@@ -7,7 +7,8 @@
 //! frames within which 95 % of the pixels have followed, of the slowest change.
 
 use super::bands::{Map, combined, mapped};
-use super::instruments::{FrameInstruments, Instruments, flag, light};
+use super::instruments::{FrameInstruments, Instruments, flag};
+use super::light::light;
 use super::score::Score;
 use quell::{Plane, Rgb};
 use rayon::prelude::*;

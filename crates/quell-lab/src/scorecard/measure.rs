@@ -1,9 +1,10 @@
 //! A result against the instruments.
 
-use super::bands::{Map, difference, surface_bands};
+use super::bands::{Map, difference, surface_band};
 use super::fit::{self, G, S, U1, solve};
-use super::instruments::{FRESH_FRAMES, Instruments, demodulated, flag, is_fresh, light, mask, perceived};
+use super::instruments::{FRESH_FRAMES, Instruments, flag, is_fresh, mask};
 use super::lag;
+use super::light::{demodulated, light, perceived};
 use super::score::{Score, Scores};
 use super::surfaces::{Kept, cubic};
 use crate::error::Error;
@@ -313,12 +314,10 @@ impl Instruments {
                 let Some(reference) = demodulation.bands.first() else { return 0.0 };
                 let Some(surfaces) = demodulation.surfaces.as_ref().and_then(Kept::surfaces) else { return 0.0 };
                 let x = demodulated(self.k, &light(picture), &demodulation.direct, &demodulation.albedo);
-                let own = surface_bands(&surfaces, &x, &mask(frame));
+                let own = surface_band(&surfaces, &x, &mask(frame));
                 let mut sum = 0.0;
                 for i in (0..frame.flags.len()).filter(|&i| frame.has(i, flag::REFLECTS)) {
-                    for (own, reference) in own.iter().zip(reference) {
-                        sum += f64::from(own.data()[i]) * f64::from(reference.data()[i]);
-                    }
+                    sum += f64::from(own.data()[i]) * f64::from(reference.data()[i]);
                 }
                 sum
             })

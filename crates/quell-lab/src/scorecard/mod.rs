@@ -22,6 +22,7 @@ mod history;
 pub mod injection;
 mod instruments;
 mod lag;
+mod light;
 pub mod matrix;
 mod measure;
 pub mod score;
