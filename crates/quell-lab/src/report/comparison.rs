@@ -272,9 +272,10 @@ fn html(
     let title = plain(&page.title);
     Ok(fill(include_str!("assets/comparison.html"), |name| match name {
         "title" => vec![title.as_str()],
-        "style" => vec![include_str!("assets/player.css"), include_str!("assets/comparison.css")],
+        "style" => vec![include_str!("assets/viewer.css"), include_str!("assets/comparison.css")],
         "data" => vec![json.as_str()],
-        "script" => vec![include_str!("assets/comparison.js")],
+        "script" => vec![include_str!("assets/viewer.js"), include_str!("assets/comparison.js")],
+        "viewer" => vec![include_str!("assets/viewer.html")],
         _ => vec![],
     }))
 }

@@ -279,9 +279,10 @@ fn html(
     let title = plain(&data.title);
     Ok(fill(include_str!("assets/player.html"), |name| match name {
         "title" => vec![title.as_str()],
-        "style" => vec![include_str!("assets/player.css")],
+        "style" => vec![include_str!("assets/viewer.css")],
         "data" => vec![json.as_str()],
-        "script" => vec![include_str!("assets/player.js")],
+        "script" => vec![include_str!("assets/viewer.js"), include_str!("assets/player.js")],
+        "viewer" => vec![include_str!("assets/viewer.html")],
         _ => vec![],
     }))
 }

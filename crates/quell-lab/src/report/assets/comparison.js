@@ -1,28 +1,11 @@
-"use strict";
 (() => {
-  const data = JSON.parse(document.getElementById("data").textContent);
-  const byId = (id) => document.getElementById(id);
-  const clamp = (v, low, high) => Math.min(Math.max(v, low), high);
+  const data = JSON.parse(byId("data").textContent);
   const { width, height, panels: sequences } = data;
   const frameCount = data.frames.length;
   const REFERENCE = sequences.findIndex((s) => s.name === "reference");
   const SERIES = 11;
   const order = [...new Set([...sequences.map((s) => s.name), ...data.methods.map((m) => m.name)])];
   const colourOf = (name) => `var(--series-${order.indexOf(name) % SERIES})`;
-  const element = (tag, className, text) => {
-    const e = document.createElement(tag);
-    if (className) e.className = className;
-    if (text !== undefined) e.textContent = text;
-    return e;
-  };
-  const dot = (name) => {
-    const e = element("i");
-    e.style.background = colourOf(name);
-    return e;
-  };
-  const methodOf = (name) => data.methods.find((m) => m.name === name);
-  const textOf = (name, figure) => methodOf(name)?.texts[figure];
-
   // ---- What is shown. Everything on the page follows from this object. ----
   const firstMethod = Math.max(0, sequences.findIndex((s) => s.name !== "reference" && s.name !== "none"));
   const state = {
@@ -42,65 +25,12 @@
     figure: "hdr_flip",
   };
 
-  // ---- Pictures ----
-  const source = (base64) => `data:image/${base64.startsWith("/9j/") ? "jpeg" : "png"};base64,${base64}`;
-  const images = new Map();
-  const load = (key, base64) => {
-    if (!base64) return null;
-    let found = images.get(key);
-    if (!found) {
-      found = new Image();
-      found.src = source(base64);
-      found.decode().then(redraw, () => {});
-      images.set(key, found);
-    }
-    return found.complete && found.naturalWidth ? found : null;
-  };
-  const image = (kind, s, f) => load(`${kind} ${s} ${f}`, sequences[s][kind][f]);
-  // Anchors of the colour map magma (CC0), every eighth.
-  const MAGMA = [[0, 0, 4], [28, 16, 68], [79, 18, 123], [129, 37, 129], [181, 54, 122], [229, 80, 100], [251, 135, 97], [254, 194, 135], [252, 253, 191]];
-  const magma = (v) => {
-    const at = clamp(v, 0, 1) * (MAGMA.length - 1);
-    const i = Math.min(Math.floor(at), MAGMA.length - 2);
-    return MAGMA[i].map((c, k) => Math.round(c + (MAGMA[i + 1][k] - c) * (at - i)));
-  };
-  const MAP = Array.from({ length: 256 }, (_, i) => magma(i / 255));
-  const coloured = new Map();
-  const errorMap = (s, f) => {
-    const grey = image("errors", s, f);
-    if (!grey) return null;
-    const key = `${s} ${f}`;
-    let canvas = coloured.get(key);
-    if (!canvas) {
-      canvas = document.createElement("canvas");
-      canvas.width = width;
-      canvas.height = height;
-      const context = canvas.getContext("2d", { willReadFrequently: true });
-      context.drawImage(grey, 0, 0);
-      const pixels = context.getImageData(0, 0, width, height);
-      const p = pixels.data;
-      for (let i = 0; i < p.length; i += 4) {
-        const c = MAP[p[i]];
-        p[i] = c[0]; p[i + 1] = c[1]; p[i + 2] = c[2];
-      }
-      context.putImageData(pixels, 0, 0);
-      coloured.set(key, canvas);
-    }
-    return canvas;
-  };
-  const hasErrors = sequences.some((s) => s.errors.some(Boolean));
   const hasSlices = data.slice_rows.length > 0 && sequences.some((s) => s.slices.length);
 
   // ---- Layout: which sequence stands where, in CSS pixels ----
-  const viewer = byId("viewer");
-  const canvas = byId("canvas");
-  const context = canvas.getContext("2d");
-  const GAP = 3; // between panels, CSS pixels
   const NARROWEST = 220; // a panel is never narrower, where there is room for one at all
   const SLICE_SHAPE = 0.56; // height over width of a slice's panel
-  let panels = [];
-  const layout = () => {
-    const available = viewer.clientWidth;
+  const layout = (available, ratio) => {
     const tallest = Math.max(260, window.innerHeight * 0.78);
     const wanted = state.mode === "wipe" ? [state.wipeA] : state.mode === "one" ? [state.single]
       : sequences.map((_, i) => i).filter((i) => state.shown[i] && (state.mode === "grid" || sequences[i].slices.length));
@@ -113,7 +43,6 @@
       columns = c;
       if (Math.ceil(wanted.length / c) * (w * shape + GAP) <= tallest) break;
     }
-    const ratio = window.devicePixelRatio || 1;
     let w = Math.floor((available - GAP * (columns - 1)) / columns);
     if (wanted.length === 1) w = Math.min(w, Math.floor(tallest / shape));
     const scale = (w * ratio) / width;
@@ -122,41 +51,19 @@
     const h = Math.round(w * shape);
     const rows = Math.ceil(wanted.length / columns);
     const margin = Math.max(0, Math.floor((available - w * columns - GAP * (columns - 1)) / 2));
-    panels = wanted.map((s, i) => ({ s, x: margin + (i % columns) * (w + GAP), y: Math.floor(i / columns) * (h + GAP), w, h }));
-    const total = Math.max(60, rows * h + Math.max(0, rows - 1) * GAP);
-    const pixels = [Math.round(available * ratio), Math.round(total * ratio)];
-    if (canvas.width !== pixels[0] || canvas.height !== pixels[1]) {
-      [canvas.width, canvas.height] = pixels;
-      canvas.style.width = `${available}px`;
-      canvas.style.height = `${total}px`;
-    }
+    const panels = wanted.map((s, i) => ({ s, x: margin + (i % columns) * (w + GAP), y: Math.floor(i / columns) * (h + GAP), w, h }));
+    return { panels, total: Math.max(60, rows * h + Math.max(0, rows - 1) * GAP) };
   };
-  const scaleOf = (panel) => Math.min(panel.w / width, panel.h / height) * state.zoom;
-  const toImage = (panel, x, y) => {
-    const scale = scaleOf(panel);
-    return [state.centre[0] + (x - panel.x - panel.w / 2) / scale, state.centre[1] + (y - panel.y - panel.h / 2) / scale];
-  };
-  const panelAt = (x, y) => panels.find((p) => x >= p.x && x < p.x + p.w && y >= p.y && y < p.y + p.h);
 
   // ---- Drawing ----
-  const SHARP_FROM = 2; // scale from which pixels are drawn as squares
-  const isMap = (s) => state.errors && Boolean(sequences[s].errors[state.frame]);
-  const drawPicture = (panel, s, left, right) => {
-    const picture = isMap(s) ? errorMap(s, state.frame) : image("pictures", s, state.frame);
-    if (!picture) return;
-    const scale = scaleOf(panel);
-    context.save();
-    context.beginPath();
-    context.rect(left, panel.y, right - left, panel.h);
-    context.clip();
-    context.imageSmoothingEnabled = scale * (window.devicePixelRatio || 1) < SHARP_FROM;
-    context.imageSmoothingQuality = "high";
-    context.drawImage(picture, panel.x + panel.w / 2 - state.centre[0] * scale, panel.y + panel.h / 2 - state.centre[1] * scale, width * scale, height * scale);
-    context.restore();
+  const picture = (s) => {
+    const isMap = state.errors && sequences[s].errors[state.frame];
+    return { picture: isMap ? view.errorMap(s, state.frame) : view.image("pictures", s, state.frame) };
   };
   const drawSlice = (panel) => {
-    const slice = load(`slice ${panel.s} ${state.row}`, sequences[panel.s].slices[state.row]);
+    const slice = view.load(`slice ${panel.s} ${state.row}`, sequences[panel.s].slices[state.row]);
     if (!slice) return;
+    const { context } = view;
     context.imageSmoothingEnabled = false;
     context.drawImage(slice, panel.x, panel.y, panel.w, panel.h);
     const f = data.slice_frames.indexOf(data.frames[state.frame]);
@@ -169,121 +76,58 @@
       context.fill();
     }
   };
-  const draw = () => {
-    layout();
-    const ratio = window.devicePixelRatio || 1;
-    context.setTransform(ratio, 0, 0, ratio, 0, 0);
-    context.clearRect(0, 0, canvas.width, canvas.height);
-    for (const panel of panels) {
-      if (state.mode === "slice") drawSlice(panel);
-      else if (state.mode === "wipe") {
-        const middle = panel.x + panel.w * state.wipe;
-        drawPicture(panel, state.wipeA, panel.x, middle);
-        drawPicture(panel, state.wipeB, middle, panel.x + panel.w);
-      } else drawPicture(panel, panel.s, panel.x, panel.x + panel.w);
-    }
-    describe();
-  };
-  let pending = false;
-  function redraw() {
-    if (pending) return;
-    pending = true;
-    requestAnimationFrame(() => { pending = false; draw(); });
-  }
 
   // ---- Everything beside the canvas ----
   let overlayKey = "";
   const describe = () => {
     const overlay = byId("overlay");
+    const panels = view.panels();
     const key = JSON.stringify([panels, state.mode, state.frame, state.errors, state.wipeA, state.wipeB]);
     if (key !== overlayKey) {
       overlayKey = key;
       overlay.replaceChildren();
       const chip = (s, x, y, fromRight) => {
-        const c = element("div", "chip");
         const { name, flip } = sequences[s];
-        c.append(dot(name), name);
-        const value = flip[state.frame];
-        if (state.mode !== "slice" && value !== null && value !== undefined) c.append(element("small", "", `FLIP ${value.toFixed(3)}`));
-        c.style.top = `${y + 8}px`;
-        if (fromRight === undefined) c.style.left = `${x + 8}px`; else c.style.right = `${fromRight + 8}px`;
-        overlay.append(c);
-      };
-      const absent = (panel, s) => {
-        if (state.mode === "slice" || sequences[s].pictures[state.frame]) return;
-        const box = element("div", "absent");
-        Object.assign(box.style, { left: `${panel.x}px`, top: `${panel.y}px`, width: `${panel.w}px`, height: `${panel.h}px` });
-        box.append(element("span", "", `no picture of frame ${data.frames[state.frame]}`));
-        overlay.append(box);
+        const value = state.mode === "slice" ? undefined : flip[state.frame];
+        view.chip(colourOf(name), typeof value === "number" ? [name, element("small", "", `FLIP ${value.toFixed(3)}`)] : [name], x, y, fromRight);
       };
       for (const panel of panels) {
         if (state.mode === "wipe") {
           chip(state.wipeA, panel.x, panel.y);
-          chip(state.wipeB, 0, panel.y, viewer.clientWidth - panel.x - panel.w);
+          chip(state.wipeB, 0, panel.y, byId("viewer").clientWidth - panel.x - panel.w);
         } else {
           chip(panel.s, panel.x, panel.y);
-          absent(panel, panel.s);
+          if (state.mode !== "slice" && !sequences[panel.s].pictures[state.frame]) {
+            view.absent(panel, element("span", "", `no picture of frame ${data.frames[state.frame]}`));
+          }
         }
       }
     }
-    const root = document.body;
-    root.dataset.mode = state.mode;
-    root.dataset.frame = data.frames[state.frame];
-    root.dataset.errors = state.errors;
-    root.dataset.panels = panels.length;
-    root.dataset.zoom = (panels.length ? scaleOf(panels[0]) : 1).toFixed(3);
-    root.classList.toggle("playing", state.playing);
-    for (const mode of ["grid", "wipe", "one", "slice"]) byId(`mode-${mode}`).setAttribute("aria-pressed", state.mode === mode);
     for (const [i, button] of [...byId("chips").children].entries()) if (i < sequences.length) button.setAttribute("aria-pressed", state.shown[i]);
     byId("chips").hidden = state.mode !== "grid" && state.mode !== "slice";
-    byId("wipe-choice").hidden = state.mode !== "wipe";
     byId("one-choice").hidden = state.mode !== "one";
-    byId("slice-choice").hidden = state.mode !== "slice";
-    byId("wipe-a").value = state.wipeA;
-    byId("wipe-b").value = state.wipeB;
     byId("one-method").value = state.single;
-    byId("slice-row").value = state.row;
-    const divider = byId("divider");
-    divider.hidden = state.mode !== "wipe";
-    if (panels.length) {
-      divider.style.left = `${panels[0].x + panels[0].w * state.wipe}px`;
-    }
-    divider.setAttribute("aria-valuenow", Math.round(state.wipe * 100));
-    byId("errors").setAttribute("aria-pressed", state.errors);
-    byId("legend").hidden = !state.errors || state.mode === "slice";
-    byId("zoom-value").textContent = state.mode === "slice" || !panels.length ? "fit" : `${Math.round(scaleOf(panels[0]) * 100)} %`;
-    const slider = byId("frame");
-    slider.value = state.frame;
-    slider.style.setProperty("--part", `${frameCount > 1 ? (state.frame / (frameCount - 1)) * 100 : 0}%`);
-    slider.setAttribute("aria-valuetext", `frame ${data.frames[state.frame]}`);
-    byId("count").replaceChildren("frame ", element("b", "", data.frames[state.frame]), ` \u00b7 ${state.frame + 1} of ${frameCount}`);
-    byId("play").setAttribute("aria-label", state.playing ? "Pause" : "Play");
     const current = state.mode === "one" ? sequences[state.single].name : "";
     for (const row of document.querySelectorAll("#tables tbody tr")) row.classList.toggle("current", row.dataset.method === current);
-    canvas.setAttribute("aria-label", `${state.errors ? "FLIP maps" : "Pictures"}, frame ${data.frames[state.frame]}: ${panels.map((p) => sequences[p.s].name).join(", ")}`);
   };
 
-  const set = (change) => {
-    Object.assign(state, change);
-    state.frame = clamp(state.frame, 0, frameCount - 1);
-    state.wipe = clamp(state.wipe, 0, 1);
-    state.row = clamp(state.row, 0, Math.max(0, data.slice_rows.length - 1));
-    redraw();
-    if ("frame" in change) readout();
-  };
-  const zoomBy = (factor, panel, x, y) => {
-    const p = panel || panels[0];
-    if (!p || state.mode === "slice") return;
-    const fit = scaleOf(p) / state.zoom;
-    const zoom = clamp(state.zoom * factor, Math.min(1, 1 / fit), 64 / fit);
-    const at = panel ? toImage(panel, x, y) : state.centre;
-    const part = state.zoom / zoom;
-    // The point under the pointer stays where it is.
-    const centre = [at[0] + (state.centre[0] - at[0]) * part, at[1] + (state.centre[1] - at[1]) * part];
-    set({ zoom, centre: [clamp(centre[0], 0, width), clamp(centre[1], 0, height)] });
-  };
-  const fit = () => set({ zoom: 1, centre: [width / 2, height / 2] });
-  const step = (by) => set({ playing: false, frame: (state.frame + by + frameCount) % frameCount });
+  const view = makeViewer(data, state, {
+    sequences,
+    modes: ["grid", "wipe", "one", "slice"],
+    rows: data.slice_rows.length,
+    mapName: "FLIP",
+    mapsTitle: "FLIP maps",
+    hint: "Point at a picture to read its pixels; wheel to zoom, drag to move, all together.",
+    layout,
+    picture,
+    drawSlice,
+    pointed: (panel) => [...new Set([...(state.mode === "wipe" ? [state.wipeA, state.wipeB] : [panel.s]), REFERENCE])].filter((s) => s >= 0),
+    needed: () => (state.mode === "wipe" ? [state.wipeA, state.wipeB] : view.panels().map((p) => p.s)),
+    dragSlice: () => {},
+    hasNoLegend: () => state.mode === "slice",
+    describe,
+  });
+  const { set } = view;
   const setMode = (mode) => { if (mode !== "slice" || hasSlices) set({ mode }); };
   const showOne = (i) => { if (i >= 0 && i < sequences.length) set({ mode: "one", single: i }); };
   const flipBy = (by) => {
@@ -291,123 +135,8 @@
     else showOne((state.single + by + sequences.length) % sequences.length);
   };
 
-  // ---- Playback: nothing is skipped; a slow machine plays slowly ----
-  let last = 0;
-  let due = 0;
-  const tick = (now) => {
-    if (!state.playing) return;
-    due += ((now - last) / 1000) * data.fps * state.speed;
-    last = now;
-    if (due >= 1) {
-      due %= 1;
-      const next = (state.frame + 1) % frameCount;
-      if (panels.every((p) => !sequences[p.s].pictures[next] || image("pictures", p.s, next))) set({ frame: next });
-    }
-    requestAnimationFrame(tick);
-  };
-  const toggle = () => {
-    set({ playing: !state.playing && frameCount > 1 });
-    if (state.playing) {
-      last = performance.now();
-      due = 0;
-      requestAnimationFrame(tick);
-    }
-  };
-
-  // ---- Pixel values under the pointer ----
-  const probe = document.createElement("canvas");
-  probe.width = probe.height = 1;
-  const probeContext = probe.getContext("2d", { willReadFrequently: true });
-  let hover = null;
-  const readout = () => {
-    const target = byId("readout");
-    const panel = hover && panelAt(hover[0], hover[1]);
-    const at = panel && state.mode !== "slice" ? toImage(panel, hover[0], hover[1]).map(Math.floor) : null;
-    if (!at || at[0] < 0 || at[1] < 0 || at[0] >= width || at[1] >= height) {
-      target.textContent = "Point at a picture to read its pixels; wheel to zoom, drag to move, all together.";
-      return;
-    }
-    target.replaceChildren("pixel ", element("b", "", `${at[0]}, ${at[1]}`));
-    for (const s of new Set([...(state.mode === "wipe" ? [state.wipeA, state.wipeB] : [panel.s]), REFERENCE])) {
-      const picture = s >= 0 && image("pictures", s, state.frame);
-      if (!picture) continue;
-      probeContext.drawImage(picture, at[0], at[1], 1, 1, 0, 0, 1, 1);
-      const [r, g, b] = probeContext.getImageData(0, 0, 1, 1).data;
-      const swatch = element("i");
-      swatch.style.background = `rgb(${r} ${g} ${b})`;
-      let text = `${r} ${g} ${b}`;
-      const grey = image("errors", s, state.frame);
-      if (grey) {
-        probeContext.drawImage(grey, at[0], at[1], 1, 1, 0, 0, 1, 1);
-        text += `, FLIP ${(probeContext.getImageData(0, 0, 1, 1).data[0] / 255).toFixed(2)}`;
-      }
-      target.append(swatch, `${sequences[s].name} `, element("b", "", text));
-    }
-  };
-
-  // ---- Pointer: drag to move, wheel and pinch to zoom ----
-  const local = (event) => {
-    const box = viewer.getBoundingClientRect();
-    return [event.clientX - box.left - viewer.clientLeft, event.clientY - box.top - viewer.clientTop];
-  };
-  const pointers = new Map();
-  viewer.addEventListener("pointerdown", (event) => {
-    if (event.button !== 0 || event.target.closest("button, .divider")) return;
-    viewer.setPointerCapture(event.pointerId);
-    pointers.set(event.pointerId, local(event));
-    viewer.classList.add("dragging");
-  });
-  viewer.addEventListener("pointermove", (event) => {
-    const now = local(event);
-    hover = now;
-    readout();
-    const before = pointers.get(event.pointerId);
-    if (!before || !panels.length) return;
-    const panel = panels[0];
-    if (state.mode !== "slice" && pointers.size === 1) {
-      const scale = scaleOf(panel);
-      set({ centre: [clamp(state.centre[0] - (now[0] - before[0]) / scale, 0, width), clamp(state.centre[1] - (now[1] - before[1]) / scale, 0, height)] });
-    } else if (pointers.size === 2) {
-      const other = [...pointers].find(([id]) => id !== event.pointerId)[1];
-      const distance = (a, b) => Math.hypot(a[0] - b[0], a[1] - b[1]);
-      zoomBy(distance(now, other) / Math.max(1, distance(before, other)), panelAt(...other) || panel, ...other);
-    }
-    pointers.set(event.pointerId, now);
-  });
-  const release = (event) => {
-    pointers.delete(event.pointerId);
-    if (pointers.size === 0) viewer.classList.remove("dragging");
-  };
-  viewer.addEventListener("pointerup", release);
-  viewer.addEventListener("pointercancel", release);
-  viewer.addEventListener("pointerleave", () => { hover = null; readout(); });
-  viewer.addEventListener("dblclick", (event) => { if (!event.target.closest("button, .divider")) fit(); });
-  viewer.addEventListener("wheel", (event) => {
-    // With a modifier, or where nothing can be zoomed, the page scrolls as ever.
-    if (state.mode === "slice" || event.shiftKey) return;
-    event.preventDefault();
-    const [x, y] = local(event);
-    const lines = event.deltaMode === 1 ? 16 : 1;
-    zoomBy(Math.exp(-clamp(event.deltaY * lines, -240, 240) * 0.0022), panelAt(x, y), x, y);
-  }, { passive: false });
-  const divider = byId("divider");
-  divider.addEventListener("pointerdown", (event) => { divider.setPointerCapture(event.pointerId); });
-  divider.addEventListener("pointermove", (event) => {
-    if (divider.hasPointerCapture(event.pointerId) && panels.length) set({ wipe: (local(event)[0] - panels[0].x) / panels[0].w });
-  });
-  divider.addEventListener("keydown", (event) => {
-    const by = { ArrowLeft: -0.02, ArrowRight: 0.02, PageDown: -0.1, PageUp: 0.1, Home: -1, End: 1 }[event.key];
-    if (by) { set({ wipe: state.wipe + by }); event.preventDefault(); event.stopPropagation(); }
-  });
-
-  // ---- Keys: one table, from which the help line is made ----
-  const toggleErrors = () => { if (hasErrors) set({ errors: !state.errors }); };
-  const KEYS = [
-    { show: ["space"], keys: [" "], help: "play", act: toggle },
-    { show: ["\u2190", "\u2192"], keys: ["ArrowRight"], help: "frame", act: () => step(1) },
-    { keys: ["ArrowLeft"], act: () => step(-1) },
-    { keys: ["Home"], act: () => set({ playing: false, frame: 0 }) },
-    { keys: ["End"], act: () => set({ playing: false, frame: frameCount - 1 }) },
+  // ---- Keys ----
+  view.bindKeys([
     { show: ["g"], keys: ["g"], help: "grid", act: () => setMode("grid") },
     { show: ["w"], keys: ["w"], help: "wipe", act: () => setMode("wipe") },
     { show: ["o"], keys: ["o"], help: "one", act: () => setMode("one") },
@@ -416,83 +145,35 @@
     { show: [`1\u2013${Math.min(9, sequences.length)}`], keys: [], help: "flip between methods" },
     { show: ["[", "]"], keys: ["]"], help: "next method, next row", act: () => flipBy(1) },
     { keys: ["["], act: () => flipBy(-1) },
-    ...(hasErrors ? [{ show: ["e"], keys: ["e"], help: "FLIP maps", act: toggleErrors }] : []),
-    { show: ["+", "\u2212"], keys: ["+", "="], help: "zoom", act: () => zoomBy(Math.SQRT2) },
-    { keys: ["-"], act: () => zoomBy(Math.SQRT1_2) },
-    { show: ["f"], keys: ["f", "0"], help: "fit", act: fit },
     { keys: ["ArrowUp"], act: () => flipBy(-1) },
     { keys: ["ArrowDown"], act: () => flipBy(1) },
-  ];
-  // What the mouse has pressed does not keep the keyboard: space plays.
-  document.addEventListener("click", (event) => { if (event.detail > 0) event.target.closest("button")?.blur(); });
-  document.addEventListener("keydown", (event) => {
-    if (event.ctrlKey || event.metaKey || event.altKey) return;
-    const target = event.target;
-    if (target.matches("select")) return;
-    if (target.matches("input[type=range]") && /^(Arrow|Home|End|Page)/.test(event.key)) return;
-    // Space presses the button that the keyboard has reached; after a mouse click it still plays.
-    if (event.key === " " && target.matches("button:focus-visible, tr:focus-visible")) return;
-    // Up and down scroll the page unless the pictures have the focus.
-    if (/^Arrow(Up|Down)$/.test(event.key) && target !== viewer) return;
-    const found = KEYS.find((k) => k.keys.includes(event.key.length === 1 ? event.key.toLowerCase() : event.key));
-    if (!found) return;
-    event.preventDefault();
-    found.act();
-  });
+  ]);
 
   // ---- Build the page ----
-  byId("title").textContent = data.title;
-  byId("subtitle").textContent = data.subtitle;
-  byId("version").textContent = data.version;
-  byId("command").textContent = data.command;
   if (!data.command) byId("about").hidden = true;
-  if (data.reduced) {
-    byId("reduced").textContent = data.reduced;
-    byId("reduced").hidden = false;
-  }
-  byId("help").append(...KEYS.filter((k) => k.show).map((k) => {
-    const item = element("span");
-    item.append(...k.show.map((key) => element("kbd", "", key)), k.help);
-    return item;
-  }));
   sequences.forEach((s, i) => {
     const button = element("button");
     button.type = "button";
     button.title = `Show or hide ${s.name}; double click: only it and the reference`;
-    button.append(dot(s.name), s.name);
+    button.append(dot(colourOf(s.name)), s.name);
     button.addEventListener("click", () => set({ shown: state.shown.map((v, k) => (k === i ? !v : v)) }));
     button.addEventListener("dblclick", () => set({ shown: state.shown.map((_, k) => k === i || k === REFERENCE) }));
     byId("chips").append(button);
-    for (const id of ["wipe-a", "wipe-b", "one-method"]) byId(id).append(new Option(s.name, i));
+    byId("one-method").append(new Option(s.name, i));
   });
   for (const m of data.methods.filter((m) => m.reason)) {
     const button = element("button");
     button.type = "button";
     button.disabled = true;
     button.title = m.reason;
-    button.append(dot(m.name), m.name);
+    button.append(dot(colourOf(m.name)), m.name);
     byId("chips").append(button);
   }
   data.slice_rows.forEach((row, i) => byId("slice-row").append(new Option(row, i)));
   for (const mode of ["grid", "wipe", "one", "slice"]) byId(`mode-${mode}`).addEventListener("click", () => setMode(mode));
   byId("mode-slice").disabled = !hasSlices;
-  byId("wipe-a").addEventListener("change", (e) => set({ wipeA: +e.target.value }));
-  byId("wipe-b").addEventListener("change", (e) => set({ wipeB: +e.target.value }));
   byId("one-method").addEventListener("change", (e) => showOne(+e.target.value));
   byId("slice-row").addEventListener("change", (e) => set({ row: +e.target.value }));
-  byId("errors").addEventListener("click", toggleErrors);
-  byId("errors").disabled = !hasErrors;
-  byId("zoom-in").addEventListener("click", () => zoomBy(Math.SQRT2));
-  byId("zoom-out").addEventListener("click", () => zoomBy(Math.SQRT1_2));
-  byId("zoom-fit").addEventListener("click", fit);
-  byId("play").addEventListener("click", toggle);
-  byId("step-back").addEventListener("click", () => step(-1));
-  byId("step-forward").addEventListener("click", () => step(1));
-  for (const id of ["play", "step-back", "step-forward", "frame", "speed"]) byId(id).disabled = frameCount < 2;
-  byId("frame").max = frameCount - 1;
-  byId("frame").addEventListener("input", (e) => set({ playing: false, frame: +e.target.value }));
-  byId("speed").addEventListener("change", (e) => set({ speed: +e.target.value }));
-  byId("legend").querySelector("i").style.background = `linear-gradient(90deg, ${MAGMA.map((c) => `rgb(${c})`).join(",")})`;
 
   // ---- Tables ----
   const WAY = { lower: "lower is better", higher: "higher is better", one: "1 is right" };
@@ -512,7 +193,7 @@
       const row = element("tr");
       row.dataset.method = method.name;
       const name = element("td");
-      name.append(dot(method.name), method.name);
+      name.append(dot(colourOf(method.name)), method.name);
       row.append(name);
       const at = sequences.findIndex((s) => s.name === method.name);
       if (method.reason && id !== "pictures") continue;
@@ -557,11 +238,6 @@
     item.append(element("b", "", names), `: ${reason}`);
     return item;
   }));
-  if (data.notes.length) {
-    byId("notes").hidden = false;
-    byId("notes").querySelector("ul").append(...data.notes.map((text) => element("li", "", text)));
-  }
-
   // ---- Quality against time ----
   const SVG = document.querySelector("svg").namespaceURI;
   const svg = (tag, attributes, text) => {
@@ -640,21 +316,5 @@
   byId("plot-figure").addEventListener("change", (e) => { state.figure = e.target.value; plot(); });
   if (figureList.length) plot(); else byId("plots").hidden = true;
 
-  new ResizeObserver(redraw).observe(viewer);
-  window.addEventListener("resize", redraw);
-  readout();
-  draw();
-  // All pictures are decoded in the background, so that playing does not stutter.
-  const waiting = [];
-  for (let f = 0; f < frameCount; f++) {
-    for (let s = 0; s < sequences.length; s++) waiting.push([s, (state.frame + f) % frameCount]);
-  }
-  const loadNext = () => {
-    const next = waiting.shift();
-    if (!next) { document.body.dataset.ready = "true"; return; }
-    image("pictures", ...next);
-    const found = images.get(`pictures ${next.join(" ")}`);
-    (found ? found.decode().catch(() => {}) : Promise.resolve()).then(loadNext);
-  };
-  loadNext();
+  view.start();
 })();
