@@ -1,6 +1,6 @@
 //! `quell score`: frames that anything made against references.
 
-use super::{Folder, err, out, quell, run};
+use crate::{Folder, err, out, run};
 use serde_json::Value;
 use std::path::Path;
 
