@@ -10,8 +10,7 @@ use quell_trace::{Control, RenderOptions, Tracer};
 use std::path::Path;
 
 fuzz_target!(|bytes: &[u8]| {
-    let limits =
-        Limits { file_bytes: 1 << 20, json_bytes: 1 << 20, decoded_bytes: 16 << 20, triangles: 100_000 };
+    let limits = Limits { file_bytes: 1 << 20, json_bytes: 1 << 20, decoded_bytes: 16 << 20, triangles: 100_000 };
     let options = Options { limits, ..Options::default() };
     let Ok(loaded) = load_bytes(bytes.to_vec(), Path::new("no such folder"), "fuzz", &options) else { return };
     if let Ok(tracer) = Tracer::new(&loaded.scene, 3, 1) {
