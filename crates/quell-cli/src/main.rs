@@ -15,6 +15,7 @@
 mod args;
 mod commands;
 mod context;
+mod environment;
 mod failure;
 mod interrupt;
 mod output;

@@ -113,10 +113,13 @@ fn light_side(bsdf: &Bsdf) -> Vec3 {
 }
 
 fn power_heuristic(a: f32, b: f32) -> f32 {
-    if a.is_infinite() {
-        return 1.0;
+    let squares = (a * a, b * b);
+    if squares.0.is_infinite() {
+        // Lamps seen nearly edge-on have densities whose squares overflow.
+        let ratio = if a.is_infinite() { 0.0 } else { b / a };
+        return 1.0 / (1.0 + ratio * ratio);
     }
-    let (a, b) = (a * a, b * b);
+    let (a, b) = squares;
     if a + b > 0.0 { a / (a + b) } else { 0.0 }
 }
 
@@ -465,5 +468,23 @@ impl Integrator<'_, '_> {
         let incoming =
             self.incoming(point.ray_origin(sample.wi), sample.wi, cone, seen, self.bounces, &mut sampler, rays);
         sample.weight * incoming.radiance
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn weights_of_extreme_densities_are_numbers() {
+        let extremes = [0.0, f32::MIN_POSITIVE, 1e-20, 1.0, 1e10, 1e20, 1e30, f32::MAX];
+        for a in extremes {
+            for b in extremes {
+                let (w, v) = (power_heuristic(a, b), power_heuristic(b, a));
+                assert!((0.0..=1.0).contains(&w) && w + v <= 1.0 + 1e-6, "{a}, {b}: {w}, {v}");
+            }
+        }
+        assert_eq!(power_heuristic(f32::INFINITY, 1.0), 1.0);
+        assert_eq!((power_heuristic(1e25, 1.0), power_heuristic(1.0, 1e25)), (1.0, 0.0));
     }
 }

@@ -2,6 +2,7 @@
 //! each command.
 
 pub mod compare;
+pub mod environment;
 pub mod ranges;
 pub mod scene;
 pub mod values;
@@ -132,6 +133,8 @@ pub struct RenderArgs {
     pub count: Option<u32>,
     #[command(flatten)]
     pub scene: SceneArgs,
+    #[command(flatten)]
+    pub environment: environment::EnvironmentArgs,
     #[command(flatten)]
     pub sampling: SamplingArgs,
     /// Do not denoise

@@ -2,6 +2,7 @@
 
 use crate::args::{RenderArgs, SamplingArgs};
 use crate::context::Context;
+use crate::environment;
 use crate::failure::Failure;
 use crate::scene;
 use crate::sequence::files::Files;
@@ -15,6 +16,7 @@ use quell_trace::RenderOptions;
 
 pub fn run(context: &Context, args: RenderArgs) -> Result<(), Failure> {
     let mut scene = scene::open(context, &args.source, &args.scene)?.scene;
+    environment::surround(context, &mut scene, &args.environment)?;
     let camera = scene::camera(&mut scene, &args.sampling.camera)?;
     if let Some(exposure) = args.exposure {
         scene.exposure = exposure;

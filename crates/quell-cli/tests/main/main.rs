@@ -264,6 +264,35 @@ fn no_denoise_and_quiet_do_what_they_say() {
 }
 
 #[test]
+fn an_environment_from_a_file_lights_the_scene() {
+    let folder = Folder::new("environment");
+    let wrong = |arguments: &[&str], expected: &str, status: i32| {
+        let output = run(&folder.0, &[&SMALL[..], &["-o", "frames", "--count", "1"], arguments].concat());
+        assert_eq!(output.status.code(), Some(status), "{}", err(&output));
+        assert!(err(&output).contains(expected), "{}", err(&output));
+    };
+    wrong(&["--environment", "none.hdr"], "none.hdr", 1);
+    wrong(&["--environment", "sky.png"], "latitude-longitude picture in .hdr or .exr", 1);
+    wrong(&["--environment-rotation", "90"], "--environment", 2);
+    wrong(&["--environment", "sky.hdr", "--environment-strength", "0"], "no positive number", 2);
+    // One texel, without run lengths: radiance 2 in each channel.
+    std::fs::write(folder.0.join("sky.hdr"), b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 1 +X 1\n\x80\x80\x80\x82")
+        .expect("the file can be written");
+    wrong(&["--environment", "sky.hdr", "--environment-rotation", "nan"], "no angle", 2);
+    let mean = |name: &str, arguments: &[&str]| {
+        let output = run(&folder.0, &[&SMALL[..], &["-o", name, "--count", "1", "--no-denoise"], arguments].concat());
+        assert_eq!(output.status.code(), Some(0), "{}", err(&output));
+        let path = quell_frames::frame_path(&folder.0.join(name).join("noisy"), "noisy", 0);
+        let frame = quell_frames::read_frame(&path).expect("quell's own file").frame;
+        frame.direct.expect("direct light").data().iter().flatten().sum::<f32>() / (48.0 * 27.0 * 3.0)
+    };
+    let (without, with) = (mean("without", &[]), mean("with", &["--environment", "sky.hdr"]));
+    assert!(with > without + 0.05, "{without} without, {with} with the environment");
+    let strong = mean("strong", &["--environment", "sky.hdr", "--environment-strength", "3"]);
+    assert!(((strong - without) / (with - without) - 3.0).abs() < 0.3, "{without}, {with}, {strong}");
+}
+
+#[test]
 fn more_than_one_sample_brings_two_halves_and_variances() {
     let folder = Folder::new("halves");
     for (spp, halves) in [("1", false), ("2", true)] {

@@ -4,6 +4,7 @@ mod estimators;
 mod gltf;
 mod guides;
 mod mitsuba;
+mod mitsuba_gltf;
 mod robustness;
 mod scenes;
 mod textures;

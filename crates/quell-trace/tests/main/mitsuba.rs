@@ -43,15 +43,15 @@ type Rgb64 = [f64; 3];
 
 /// Means and their variances over the pixels of a picture, and over its regions.
 #[derive(Clone)]
-struct Estimate {
-    size: Size,
+pub(crate) struct Estimate {
+    pub(crate) size: Size,
     pixels: Vec<Moments>,
     /// Row by row; the last is the whole picture.
     regions: Vec<Moments>,
 }
 
 /// A mean and its variance, per channel.
-#[derive(Clone, Copy, Default)]
+#[derive(Clone, Copy, Debug, Default)]
 struct Moments {
     mean: Rgb64,
     variance: Rgb64,
@@ -105,7 +105,7 @@ fn read_pfm(path: &Path) -> (Size, Vec<Rgb64>) {
 }
 
 /// The committed picture; its pixels are independent.
-fn mitsuba(name: &str) -> Estimate {
+pub(crate) fn mitsuba(name: &str) -> Estimate {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/mitsuba");
     let (size, mean) = read_pfm(&folder.join(format!("{name}.mean.pfm")));
     let (variance_size, variance) = read_pfm(&folder.join(format!("{name}.variance.pfm")));
@@ -146,7 +146,7 @@ fn moments_of_batches(batches: &[Vec<Rgb64>]) -> Vec<Moments> {
 }
 
 /// quell's picture, camera 1 at frame 0.
-fn quell(scene: &Scene, options: &RenderOptions, kind: ReferenceKind, samples_a_batch: u32) -> Estimate {
+pub(crate) fn quell(scene: &Scene, options: &RenderOptions, kind: ReferenceKind, samples_a_batch: u32) -> Estimate {
     let tracer = Tracer::new(scene, 0, 1).unwrap();
     let batches: Vec<Vec<Rgb64>> = (0..BATCHES)
         .map(|batch| {
@@ -188,9 +188,14 @@ fn z_scores(a: &[Moments], b: &[Moments]) -> Vec<(usize, usize, f64)> {
 }
 
 /// What the test says of two pictures: empty, or what is wrong with them.
-fn rejections(a: &Estimate, b: &Estimate) -> (Vec<String>, String) {
+pub(crate) fn rejections(a: &Estimate, b: &Estimate) -> (Vec<String>, String) {
     assert_eq!(a.size, b.size);
     let mut wrong = Vec::new();
+    for (i, moments) in a.pixels.iter().enumerate() {
+        if moments.mean.iter().chain(&moments.variance).any(|v| !v.is_finite()) {
+            wrong.push(format!("pixel {i}: {moments:?}"));
+        }
+    }
     let mut summary = String::new();
     for (what, a, b) in [("pixel", &a.pixels, &b.pixels), ("region", &a.regions, &b.regions)] {
         let scores = z_scores(a, b);
@@ -233,7 +238,7 @@ fn rejections(a: &Estimate, b: &Estimate) -> (Vec<String>, String) {
 }
 
 /// The same picture in another brightness.
-fn scaled(estimate: &Estimate, factor: f64) -> Estimate {
+pub(crate) fn scaled(estimate: &Estimate, factor: f64) -> Estimate {
     let mut out = estimate.clone();
     for moments in out.pixels.iter_mut().chain(&mut out.regions) {
         moments.mean = moments.mean.map(|m| m * factor);
