@@ -257,9 +257,13 @@ pub struct ReproduceArgs {
     /// Frames of the sequences
     #[arg(long, value_name = "N", default_value = "48", value_parser = values::at_least_one::<u32>)]
     pub count: u32,
-    /// Camera of every scene, from 1; settings were fitted on 1 to 3
-    #[arg(long, value_name = "N", default_value = "4")]
-    pub camera: usize,
+    /// Folder with the talk's scenes as cornell_box.glb, sponza_glossy.glb, bathroom_salle_de_bain.glb, white_room.glb and
+    /// modern_hall.glb (for the Horse Room), instead of built-in stand-ins; ablations, which need motion, keep those
+    #[arg(long, value_name = "DIR")]
+    pub scenes: Option<PathBuf>,
+    /// Camera of every scene, from 1; settings were fitted on 1 to 3 of the built-in ones [default: 4; of files 1]
+    #[arg(long, value_name = "N")]
+    pub camera: Option<usize>,
     /// Seed of the noisy frames
     #[arg(long, value_name = "N", default_value = "7")]
     pub seed: u64,

@@ -361,6 +361,12 @@ fn reproduce_writes_one_page_with_all_parts() {
         assert!(page.contains(heading), "{heading}");
     }
     // An unknown part is a usage error that lists them.
+    let files = run(&folder.0, &["reproduce", "-o", "out", "--only", "offline", "--scenes", "nowhere"]);
+    assert_eq!(files.status.code(), Some(1));
+    assert!(
+        String::from_utf8_lossy(&files.stderr).contains("cornell_box.glb"),
+        "the file that is missing is not named"
+    );
     let again = run(&folder.0, &["reproduce", "-o", "out", "--only", "everything"]);
     assert_eq!(again.status.code(), Some(2));
     assert!(err(&again).contains("ablations"), "{}", err(&again));
