@@ -111,7 +111,8 @@ pub fn run(context: &Context, args: ReproduceArgs) -> Result<(), Failure> {
     text.push_str(&output::file_url(&page));
     for (name, value) in [
         ("size", Value::from(args.size.to_string())),
-        ("camera", own_view.camera.into()),
+        ("camera", camera.into()),
+        ("offline_camera", own_view.camera.into()),
         ("seed", args.seed.into()),
         ("frames", args.count.into()),
         ("reference_spp", args.reference_spp.into()),

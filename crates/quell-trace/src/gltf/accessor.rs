@@ -122,12 +122,7 @@ impl Reader<'_> {
     pub(super) fn floats<const N: usize>(&self, index: usize, place: &Place<'_>) -> Result<Vec<[f32; N]>, Fault> {
         let accessor = item(&self.root.accessors, index, "accessor", place)?;
         let place = place.refers("accessors", index);
-        let lanes = lanes(accessor, &place)?;
-        if lanes != N {
-            let problem = format!("is of type {}, where {} is needed", accessor.kind, kind_of(N));
-            return Err(Fault::data(&place.field("type"), problem));
-        }
-        let component = Component::new(accessor.component_type, &place.field("componentType"))?;
+        let component = component::<N>(accessor, &place)?;
         let normalized = accessor.normalized;
         let element = |bytes: &[u8]| {
             let mut out = [0.0; N];
@@ -153,12 +148,7 @@ impl Reader<'_> {
     pub(super) fn integers<const N: usize>(&self, index: usize, place: &Place<'_>) -> Result<Vec<[u32; N]>, Fault> {
         let accessor = item(&self.root.accessors, index, "accessor", place)?;
         let place = place.refers("accessors", index);
-        let lanes = lanes(accessor, &place)?;
-        if lanes != N {
-            let problem = format!("is of type {}, where {} is needed", accessor.kind, kind_of(N));
-            return Err(Fault::data(&place.field("type"), problem));
-        }
-        let component = Component::new(accessor.component_type, &place.field("componentType"))?;
+        let component = component::<N>(accessor, &place)?;
         if !matches!(component, Component::U8 | Component::U16 | Component::U32) {
             let problem = "must be of unsigned integers: 5121, 5123 or 5125";
             return Err(Fault::data(&place.field("componentType"), problem));
@@ -227,6 +217,15 @@ impl Reader<'_> {
         }
         Ok(values)
     }
+}
+
+/// The type of the components of an accessor that must have elements of `N` numbers.
+fn component<const N: usize>(accessor: &Accessor, place: &Place<'_>) -> Result<Component, Fault> {
+    if lanes(accessor, place)? != N {
+        let problem = format!("is of type {}, where {} is needed", accessor.kind, kind_of(N));
+        return Err(Fault::data(&place.field("type"), problem));
+    }
+    Component::new(accessor.component_type, &place.field("componentType"))
 }
 
 /// Numbers an element.
