@@ -52,6 +52,7 @@ pub mod pipeline;
 pub mod plane;
 pub mod reference;
 pub mod report;
+pub mod sequence;
 pub mod settings;
 pub mod stages;
 

@@ -1,0 +1,129 @@
+//! What a frame of a rendered sequence brings: any number of light passes, and guides that may be noisy themselves.
+//!
+//! The real-time contract ([`crate::Frame`]) knows two signals and trusts its guides. Files of other renderers hold
+//! more (transmission, volume, noisy direct light), and their guides are means over a pixel's samples. All planes have
+//! the frame's extent, row-major, origin top left, x right, y down.
+
+use crate::frame::Rgb;
+use crate::plane::{Plane, Size};
+
+/// What made the light of a pass: it decides which guides its filter believes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub enum LightKind {
+    /// Matte (diffuse, subsurface) light that comes straight from a source: shadow edges are kept.
+    MatteDirect,
+    /// Matte light that comes over another surface: smooth.
+    MatteIndirect,
+    /// Glossy light that comes straight from a source: highlights.
+    GlossyDirect,
+    /// Reflections: they do not move with the surface.
+    GlossyIndirect,
+    /// Light through a surface, direct or indirect: seen geometry is elsewhere.
+    Transmission,
+    /// Light scattered in a medium: has no surface, depth does not stop it.
+    Volume,
+    /// Everything at once: a beauty from which nothing could be told apart.
+    Beauty,
+    /// Emission, environment, whatever has no noise of its own beyond that of edges: never filtered across pixels.
+    Steady,
+}
+
+/// One light pass.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Light {
+    /// For messages and for whoever writes it back.
+    pub name: String,
+    /// What made it.
+    pub kind: LightKind,
+    /// Scene-linear light *without* its colour: the pass's contribution to the picture is `light * weight`.
+    pub light: Plane<Rgb>,
+    /// The colour that multiplies it back, >= 0. Absent: 1.
+    pub weight: Option<Plane<Rgb>>,
+    /// False for a pass that is filtered but is no term of the beauty (it is part of another pass already).
+    pub in_beauty: bool,
+    /// Further colour planes filtered with this light's very weights (a decomposition of it: they add up after as they
+    /// did before).
+    pub joint: Vec<Plane<Rgb>>,
+}
+
+impl Light {
+    /// A term of the beauty without colour, without joint planes.
+    pub fn new(name: impl Into<String>, kind: LightKind, light: Plane<Rgb>) -> Self {
+        Self { name: name.into(), kind, light, weight: None, in_beauty: true, joint: Vec::new() }
+    }
+}
+
+/// One frame of a sequence.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SequenceFrame {
+    /// Frame number. One that does not follow its predecessor by one is a cut.
+    pub number: i64,
+    /// Extent of every plane.
+    pub size: Size,
+    /// Every pass that is filtered. The beauty is the sum of light * weight over those with `in_beauty`.
+    pub lights: Vec<Light>,
+    /// Distance along the camera's axis, > 0; +inf: background. Absent: unknown.
+    pub depth: Option<Plane<f32>>,
+    /// Shading normal, world space, on the viewer's side; shorter than 1 where a pixel mixes surfaces; (0, 0, 0):
+    /// background. Absent: unknown.
+    pub normal: Option<Plane<[f32; 3]>>,
+    /// World position of the surface. Absent: unknown.
+    pub position: Option<Plane<[f32; 3]>>,
+    /// The surface in the frame before lies at pixel + motion, pixels, y down. NaN: unknown. Absent: history is off.
+    pub motion_to_previous: Option<Plane<[f32; 2]>>,
+    /// The surface in the next frame lies at pixel + motion, likewise. Absent: found from the next frame's
+    /// `motion_to_previous`.
+    pub motion_to_next: Option<Plane<[f32; 2]>>,
+    /// Colour of the surface, >= 0. Absent: unknown.
+    pub albedo: Option<Plane<Rgb>>,
+    /// What is seen *through* mirrors and glass: albedo and normal at the first rough surface (Cycles' `Denoising
+    /// Albedo`, `Denoising Normal`). Guides of glossy and transmitted light.
+    pub seen_albedo: Option<Plane<Rgb>>,
+    /// See `seen_albedo`.
+    pub seen_normal: Option<Plane<[f32; 3]>>,
+    /// Perceptual roughness, 0..1. Absent: unknown.
+    pub roughness: Option<Plane<f32>>,
+    /// Coverage, 0..1, filtered with the beauty's weights. Absent: 1.
+    pub alpha: Option<Plane<f32>>,
+    /// Variance of the pixel's mean (luminance of the beauty). Absent: estimated.
+    pub variance: Option<Plane<f32>>,
+    /// True where this frame's noise repeats its predecessor's (one seed for all frames): it brings no new samples.
+    pub repeats_noise: bool,
+}
+
+impl SequenceFrame {
+    /// A frame without any plane.
+    pub fn new(number: i64, size: Size) -> Self {
+        Self {
+            number,
+            size,
+            lights: Vec::new(),
+            depth: None,
+            normal: None,
+            position: None,
+            motion_to_previous: None,
+            motion_to_next: None,
+            albedo: None,
+            seen_albedo: None,
+            seen_normal: None,
+            roughness: None,
+            alpha: None,
+            variance: None,
+            repeats_noise: false,
+        }
+    }
+
+    /// The sum of light * weight over the passes that make the beauty.
+    pub fn beauty(&self) -> Plane<Rgb> {
+        let mut sum = Plane::filled(self.size, [0.0; 3]);
+        for light in self.lights.iter().filter(|l| l.in_beauty) {
+            for (i, (sum, value)) in sum.data_mut().iter_mut().zip(light.light.data()).enumerate() {
+                let weight = light.weight.as_ref().and_then(|w| w.data().get(i).copied()).unwrap_or([1.0; 3]);
+                for c in 0..3 {
+                    sum[c] += value[c] * weight[c];
+                }
+            }
+        }
+        sum
+    }
+}
