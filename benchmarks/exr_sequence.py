@@ -34,12 +34,17 @@ def short(layer):
 
 def read(path, passes=None):
     """The passes of a file (all, or those named), of every part."""
-    grouped = {}
+    grouped, owner = {}, {}
     for part in OpenEXR.File(path, separate_channels=True).parts:
         for name, channel in part.channels.items():
             layer, _, component = name.rpartition(".")
             key = short(layer)
-            if passes is None or key in passes:
+            if passes is not None and key not in passes:
+                continue
+            # of two layers with this pass the first counts, but the compositor's result only where it is alone
+            if owner.setdefault(key, layer).startswith("Composite.") and layer != owner[key]:
+                owner[key], grouped[key] = layer, []
+            if layer == owner[key]:
                 grouped.setdefault(key, []).append((ORDER.get(component, 99), component, channel.pixels))
     return {
         key: np.stack([np.asarray(p, np.float32) for _, _, p in sorted(found, key=lambda c: c[:2])], -1)
