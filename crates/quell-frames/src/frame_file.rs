@@ -2,8 +2,9 @@
 
 use crate::channels as c;
 use crate::error::Error;
-use crate::exr_file::{AttributeValue, ExrPart, Samples, read_attributes, read_part, string, text, write_part};
+use crate::exr_file::{AttributeValue, ExrPart, read_attributes, read_part, string, text, write_part};
 use crate::files::write_whole;
+use crate::image::Samples;
 use crate::metadata::{Content, Metadata};
 use half::f16;
 use quell::{Camera, Frame, FrameBuf, PassBuf, Plane, PlaneRef, Rgb, Signal, Size};

@@ -2,6 +2,7 @@
 //!
 //! ```text
 //! files.rs     where a sequence's frames lie, and files that are never half written
+//! image/       any flat EXR file: windows, parts, channels, attributes; read, and written back
 //! exr_file.rs  channels and attributes of an EXR file; knows no role
 //! channels.rs  the one table of channel names and what they mean
 //! metadata.rs  header attributes: cameras, frame, sampling, version, settings
@@ -34,6 +35,7 @@ pub mod error;
 mod exr_file;
 pub mod files;
 pub mod frame_file;
+pub mod image;
 pub mod metadata;
 mod picture;
 
@@ -41,6 +43,10 @@ pub use error::Error;
 pub use files::{find_frames, frame_path};
 pub use frame_file::{
     FrameFile, FrameToWrite, Half, HalfBuf, Precision, WriteOptions, Written, read_frame, write_frame,
+};
+pub use image::{
+    AttributeValue, Channel, ExrImage, ImageWriteOptions, ImageWritten, Part, SampleKind, Samples, Window,
+    read_channels, read_headers, read_image, read_image_from,
 };
 pub use metadata::{Content, Metadata};
 pub use picture::read_picture;

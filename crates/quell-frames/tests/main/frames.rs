@@ -1,41 +1,13 @@
 //! Frames are written and read to the bit; whatever is wrong with a file is an error, never a panic.
 
+use crate::Folder;
 use quell::{Camera, FrameBuf, PassBuf, Plane, Rgb, Signal, Size};
 use quell_frames::{
     Content, Error, FrameFile, FrameToWrite, Half, HalfBuf, Metadata, Precision, WriteOptions, find_frames, frame_path,
     read_frame, write_frame,
 };
 use std::fs;
-use std::path::{Path, PathBuf};
-
-/// A folder that is removed at the end of its test.
-struct Folder(PathBuf);
-
-impl Folder {
-    fn new(name: &str) -> Self {
-        let path = std::env::temp_dir().join(format!("quell-frames-{name}-{}", std::process::id()));
-        let _ = fs::remove_dir_all(&path);
-        fs::create_dir_all(&path).unwrap();
-        Self(path)
-    }
-
-    fn file(&self, name: &str) -> PathBuf {
-        self.0.join(name)
-    }
-
-    fn names(&self) -> Vec<String> {
-        let mut names: Vec<String> =
-            fs::read_dir(&self.0).unwrap().map(|e| e.unwrap().file_name().into_string().unwrap()).collect();
-        names.sort();
-        names
-    }
-}
-
-impl Drop for Folder {
-    fn drop(&mut self) {
-        let _ = fs::remove_dir_all(&self.0);
-    }
-}
+use std::path::Path;
 
 /// Numbers without a pattern, with everything a float can be.
 struct Numbers(u64);
