@@ -61,6 +61,21 @@ impl Error {
         Self::NotSupported { path: path.to_owned(), reason: reason.into() }
     }
 
+    /// True where the next file would fail for the same reason: the disk is full, the folder cannot be written.
+    pub fn is_lasting(&self) -> bool {
+        use io::ErrorKind as Kind;
+        let Self::Io { action, source, .. } = self else { return false };
+        let lasting = [
+            Kind::StorageFull,
+            Kind::QuotaExceeded,
+            Kind::PermissionDenied,
+            Kind::ReadOnlyFilesystem,
+            Kind::NotADirectory,
+            Kind::WriteZero,
+        ];
+        *action != "read" && lasting.contains(&source.kind())
+    }
+
     /// An I/O error with what was tried.
     pub fn io(path: &Path, action: &'static str, source: io::Error) -> Self {
         Self::Io { path: path.to_owned(), action, source }

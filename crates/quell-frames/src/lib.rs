@@ -2,6 +2,7 @@
 //!
 //! ```text
 //! files.rs     where a sequence's frames lie, and files that are never half written
+//! driver/      a sequence filtered from files to files: plan, three things at once, what may be replaced
 //! image/       any flat EXR file: windows, parts, channels, attributes; read, and written back
 //! exr_file.rs  channels and attributes of an EXR file; knows no role
 //! channels.rs  the one table of channel names and what they mean
@@ -31,6 +32,7 @@
 //! ```
 
 pub mod channels;
+pub mod driver;
 pub mod error;
 mod exr_file;
 pub mod files;

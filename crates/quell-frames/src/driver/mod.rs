@@ -1,0 +1,21 @@
+//! A sequence filtered from files to files: what is read when, three things at once, and what may be replaced.
+//!
+//! ```text
+//! plan.rs      which frames are read, in which order, where history starts afresh
+//! pipeline.rs  reading, filtering and writing at the same time; what becomes of each frame
+//! output.rs    where frames go, what may stand there, which need not be made again
+//! clock.rs     processor seconds of each of the three
+//! ```
+//!
+//! A frame depends on the frames within [`Window`]'s reach and on nothing else. So any split of a job among machines gives
+//! the same bits, and neighbours of what is written are read as needed.
+
+pub mod clock;
+pub mod output;
+pub mod pipeline;
+pub mod plan;
+
+pub use clock::{StageTime, Times};
+pub use output::{Destination, Existing, JOB_ATTRIBUTE, is_done, job_key};
+pub use pipeline::{Event, Fate, Files, Outcome, RunOptions, Window, run};
+pub use plan::{Plan, Step, ranges};
