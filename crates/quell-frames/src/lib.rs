@@ -5,7 +5,9 @@
 //! driver/      a sequence filtered from files to files: plan, three things at once, what may be replaced
 //! image/       any flat EXR file: windows, parts, channels, attributes; read, and written back
 //! exr_file.rs  channels and attributes of an EXR file; knows no role
-//! channels.rs  the one table of channel names and what they mean
+//! sequence/    files, folders and patterns to frames with their files
+//! roles/       what the passes of any program's file are: the alias table, the mapping and its reasons
+//! channels.rs  the one table of quell's own channel names and what they mean
 //! metadata.rs  header attributes: cameras, frame, sampling, version, settings
 //! frame_file.rs  a frame with all that quell writes beside it; channels to planes and back
 //! picture.rs   one colour picture from a file of any program
@@ -40,6 +42,8 @@ pub mod frame_file;
 pub mod image;
 pub mod metadata;
 mod picture;
+pub mod roles;
+pub mod sequence;
 
 pub use error::Error;
 pub use files::{find_frames, frame_path};
@@ -52,3 +56,5 @@ pub use image::{
 };
 pub use metadata::{Content, Metadata};
 pub use picture::read_picture;
+pub use roles::{MapOptions, Mapping, Role, map_roles};
+pub use sequence::{FrameSource, FrameSources, Sequence, find_sequence};

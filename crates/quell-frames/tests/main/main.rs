@@ -3,6 +3,8 @@
 mod aov;
 mod frames;
 mod rewrite;
+mod roles;
+mod sequences;
 
 use std::fs;
 use std::path::PathBuf;
