@@ -58,7 +58,10 @@ pub(super) fn expand(input: &Path) -> Result<Vec<PathBuf>, Error> {
     let Ok(found) = glob::glob_with(&text, options) else { return Ok(Vec::new()) };
     let mut files = Vec::new();
     for path in found {
-        let path = path.map_err(|e| Error::io(e.path(), "list", e.into()))?;
+        let path = path.map_err(|e| {
+            let place = e.path().to_owned();
+            Error::io(&place, "list", e.into())
+        })?;
         if path.is_file() {
             files.push(path);
         }
