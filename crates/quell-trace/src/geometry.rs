@@ -1,15 +1,12 @@
 //! Triangles of one frame in world space, and the rays that are shot at them.
 //!
-//! All instances are flattened into one list of world-space triangles with one eight-wide BVH (`obvhs`) a frame.
+//! All instances are flattened into one list of world-space triangles with one eight-wide BVH a frame.
 
+use crate::bvh::Bvh;
+use fearless_simd::dispatch;
 use glam::{Vec2, Vec3, Vec3A};
+use obvhs::Boundable;
 use obvhs::aabb::Aabb;
-use obvhs::bvh2::reinsertion::ReinsertionOptimizer;
-use obvhs::cwbvh::CwBvh;
-use obvhs::cwbvh::bvh2_to_cwbvh::bvh2_to_cwbvh;
-use obvhs::ploc::PlocBuilder;
-use obvhs::ray::{Ray, RayHit};
-use obvhs::{Boundable, BvhBuildParams};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 /// The geometry of the last frame that was traced, for the next one in which nothing has moved: most files are still,
@@ -61,14 +58,19 @@ pub(crate) struct Triangle {
 
 impl Boundable for Triangle {
     fn aabb(&self) -> Aabb {
+        self.bounds()
+    }
+}
+
+impl Triangle {
+    /// The box that the hierarchy is built of.
+    pub(crate) fn bounds(&self) -> Aabb {
         // Slab tests round: without a margin a ray along a shared edge may miss the boxes of both triangles.
         let margin = Vec3A::splat(self.v[0].abs().max(self.v[1].abs()).max(self.v[2].abs()).max_element() * BOX_MARGIN);
         let exact = Aabb::from_points(&self.v);
         Aabb::new(exact.min - margin, exact.max + margin)
     }
-}
 
-impl Triangle {
     /// Ray parameter and barycentric coordinates (weights of corners 1 and 2), or nothing.
     ///
     /// The signs of three edge functions decide. Each is exactly negated for the neighbour that shares the edge, so
@@ -96,13 +98,6 @@ impl Triangle {
     }
 }
 
-/// obvhs 0.4 tells the sign of a direction's component by `< 0` in one place and by its sign bit in another, and
-/// misses all boxes where they disagree.
-#[inline(always)]
-fn without_negative_zero(direction: Vec3) -> Vec3A {
-    Vec3A::from(direction) + Vec3A::ZERO
-}
-
 /// Where a ray met a triangle.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Hit {
@@ -121,12 +116,23 @@ pub(crate) struct TriangleSource {
     pub(crate) triangle: u32,
 }
 
-/// Exponent of two up to which coordinates reach inside the BVH. obvhs 0.4 overlooks hits nearer than 1e-4 whatever the
-/// scene's unit; at this size that is less than rounding.
+/// Exponent of two up to which coordinates reach inside the BVH, whatever the scene's unit: its bounds of directions hold
+/// for this size.
 const INNER_EXPONENT: i32 = 12;
 
-/// As many as a leaf of the eight-wide BVH can hold.
-const MAX_TRIANGLES_PER_LEAF: u32 = 3;
+/// The triangles that last stood before a light, the latest first. The next shadow ray, which often starts beside and
+/// goes the same way, asks them before it walks the hierarchy; its answer is the same.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Occluders([u32; OCCLUDERS]);
+
+/// More are met more often and cost more where they are not.
+const OCCLUDERS: usize = 2;
+
+impl Default for Occluders {
+    fn default() -> Self {
+        Self([u32::MAX; OCCLUDERS])
+    }
+}
 
 /// The triangles of one frame and their BVH.
 pub(crate) struct Geometry {
@@ -138,7 +144,7 @@ pub(crate) struct Geometry {
     sources: Vec<TriangleSource>,
     /// Position in `triangles` of the n-th triangle that was handed in.
     position_of: Vec<u32>,
-    bvh: Option<CwBvh>,
+    bvh: Option<Bvh>,
 }
 
 impl Geometry {
@@ -155,21 +161,8 @@ impl Geometry {
         }
         let triangles: Vec<Triangle> =
             triangles.into_iter().map(|t| Triangle { v: t.v.map(|v| v * inner_from_world) }).collect();
-        // Step by step: `build_cwbvh` checks its result in debug builds with bounds that hold for small coordinates
-        // only, and panics.
-        let parameters = BvhBuildParams::medium_build();
-        let indices = (0..triangles.len() as u32).collect();
-        let mut binary = PlocBuilder::with_capacity(triangles.len()).build(
-            parameters.ploc_search_distance,
-            &triangles,
-            indices,
-            parameters.sort_precision,
-            parameters.search_depth_threshold,
-        );
-        ReinsertionOptimizer::default().run(&mut binary, parameters.reinsertion_batch_ratio, None);
-        let mut bvh = bvh2_to_cwbvh(&binary, MAX_TRIANGLES_PER_LEAF, true, false);
         // Triangles are stored in the order of the leaves: no indirection while tracing.
-        let order = std::mem::take(&mut bvh.primitive_indices);
+        let (bvh, order) = Bvh::new(&triangles);
         let mut position_of = vec![0; triangles.len()];
         for (position, &index) in order.iter().enumerate() {
             position_of[index as usize] = position as u32;
@@ -224,22 +217,20 @@ impl Geometry {
         if !(origin.is_finite() && direction.is_finite()) {
             return None;
         }
-        let (origin, direction) = (Vec3A::from(origin) * self.inner_from_world, without_negative_zero(direction));
+        let (origin, direction) = (Vec3A::from(origin) * self.inner_from_world, Vec3A::from(direction));
         let mut best: Option<Hit> = None;
-        let ray = Ray::new(origin, direction, 0.0, f32::INFINITY);
-        bvh.ray_traverse(ray, &mut RayHit::none(), |ray, index| {
-            match self.triangles[index].intersect(origin, direction, ray.tmax) {
-                None => f32::INFINITY,
-                Some((_, u, v)) if !is_there(index as u32, Vec2::new(u, v)) => f32::INFINITY,
-                Some((t, u, v)) => {
-                    let triangle = index as u32;
-                    if best.is_none_or(|b| t < b.t || (t == b.t && self.rank(triangle) < self.rank(b.triangle))) {
-                        best = Some(Hit { t, triangle, barycentric: Vec2::new(u, v) });
-                    }
-                    t
+        let test = |index: usize, limit: f32| match self.triangles[index].intersect(origin, direction, limit) {
+            None => limit,
+            Some((_, u, v)) if !is_there(index as u32, Vec2::new(u, v)) => limit,
+            Some((t, u, v)) => {
+                let triangle = index as u32;
+                if best.is_none_or(|b| t < b.t || (t == b.t && self.rank(triangle) < self.rank(b.triangle))) {
+                    best = Some(Hit { t, triangle, barycentric: Vec2::new(u, v) });
                 }
+                t
             }
-        });
+        };
+        dispatch!(bvh.level(), simd => bvh.walk_to_nearest(simd, origin, direction, test));
         best.map(|hit| Hit { t: hit.t * self.world_from_inner, ..hit })
     }
 
@@ -248,33 +239,37 @@ impl Geometry {
         (source.instance, source.triangle)
     }
 
-    /// True where something lies between the origin and `distance` along a unit direction (infinite: anywhere).
-    #[inline]
-    pub(crate) fn occluded(&self, origin: Vec3, direction: Vec3, distance: f32) -> bool {
-        self.occluded_where(origin, direction, distance, |_, _| true)
-    }
-
-    /// The same among the points (triangle, weights of corners 1 and 2) for which `is_there` holds.
+    /// True where something lies between the origin and `distance` along a unit direction (infinite: anywhere), among the points (triangle, weights of corners 1 and 2) for which `is_there` holds.
     #[inline(always)]
     pub(crate) fn occluded_where(
         &self,
         origin: Vec3,
         direction: Vec3,
         distance: f32,
+        occluders: &mut Occluders,
         is_there: impl Fn(u32, Vec2) -> bool,
     ) -> bool {
         let Some(bvh) = self.bvh.as_ref() else { return false };
         if !(origin.is_finite() && direction.is_finite()) {
             return true;
         }
-        let (origin, direction) = (Vec3A::from(origin) * self.inner_from_world, without_negative_zero(direction));
-        let tmax = if distance.is_finite() { distance * SHADOW_END * self.inner_from_world } else { f32::MAX };
-        let ray = Ray::new(origin, direction, 0.0, tmax);
-        !bvh.ray_traverse_miss(ray, |_, index| match self.triangles[index].intersect(origin, direction, tmax) {
-            // `ray_traverse_miss` asks for less than the ray's end; any accepted distance counts.
-            Some((_, u, v)) if is_there(index as u32, Vec2::new(u, v)) => 0.0,
-            _ => f32::INFINITY,
-        })
+        let (origin, direction) = (Vec3A::from(origin) * self.inner_from_world, Vec3A::from(direction));
+        let limit = if distance.is_finite() { distance * SHADOW_END * self.inner_from_world } else { f32::MAX };
+        let test = |index: usize| match self.triangles[index].intersect(origin, direction, limit) {
+            Some((_, u, v)) => is_there(index as u32, Vec2::new(u, v)),
+            None => false,
+        };
+        let known = occluders.0;
+        if let Some(place) = known.iter().position(|&i| (i as usize) < self.triangles.len() && test(i as usize)) {
+            occluders.0[..=place].rotate_right(1);
+            return true;
+        }
+        let found = dispatch!(bvh.level(), simd => bvh.walk_to_any(simd, origin, direction, limit, test));
+        if let Some(triangle) = found {
+            occluders.0.rotate_right(1);
+            occluders.0[0] = triangle as u32;
+        }
+        found.is_some()
     }
 
     /// How far a ray that leaves this triangle must start from it, in world units. Grows with the scene's unit.
@@ -305,6 +300,17 @@ impl Geometry {
 mod tests {
     use super::*;
     use proptest::prelude::*;
+
+    /// With what stood before a light elsewhere, which must not change the answer.
+    fn occluded(geometry: &Geometry, origin: Vec3, direction: Vec3, distance: f32) -> bool {
+        let ask =
+            |occluders: &mut Occluders| geometry.occluded_where(origin, direction, distance, occluders, |_, _| true);
+        let answer = ask(&mut Occluders::default());
+        for known in 0..geometry.len() as u32 + 1 {
+            assert_eq!(ask(&mut Occluders([known, u32::MAX])), answer, "with triangle {known} known");
+        }
+        answer
+    }
 
     fn soup(seed: u32, count: usize, scale: f32) -> Geometry {
         // A small multiplicative generator: the test needs variety, not quality.
@@ -341,10 +347,10 @@ mod tests {
                 prop_assert_eq!(found, expected);
                 if let Some(hit) = expected {
                     hits += 1;
-                    prop_assert!(geometry.occluded(origin, direction, hit.t * 1.01));
-                    prop_assert!(!geometry.occluded(origin, direction, hit.t * 0.99));
+                    prop_assert!(occluded(&geometry, origin, direction, hit.t * 1.01));
+                    prop_assert!(!occluded(&geometry, origin, direction, hit.t * 0.99));
                 }
-                prop_assert_eq!(geometry.occluded(origin, direction, f32::INFINITY), expected.is_some());
+                prop_assert_eq!(occluded(&geometry, origin, direction, f32::INFINITY), expected.is_some());
             }
             // Without hits the comparison above would say nothing.
             prop_assert!(count < 100 || hits > 0);
@@ -368,7 +374,7 @@ mod tests {
             let height = 1e-5 * scale;
             let hit = geometry.closest(Vec3::Z * height, Vec3::NEG_Z).unwrap();
             assert!((hit.t / height - 1.0).abs() < 1e-5, "{hit:?} at {scale}");
-            assert!(geometry.occluded(Vec3::Z * height, Vec3::NEG_Z, 2.0 * height));
+            assert!(occluded(&geometry, Vec3::Z * height, Vec3::NEG_Z, 2.0 * height));
         }
     }
 

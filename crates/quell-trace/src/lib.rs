@@ -14,6 +14,7 @@
 mod appearance;
 pub mod bsdf;
 mod builtin;
+mod bvh;
 pub mod camera_paths;
 mod cone;
 pub mod environment;

@@ -185,11 +185,17 @@ impl<'a> PatchView<'a> {
             let start = if index > 0 { cumulative[index - 1] } else { 0.0 };
             let within = ((target - start) / (cumulative[index] - start)) as f32;
             let u = Vec2::new(within.clamp(0.0, ONE_MINUS_EPSILON), u.y);
-            let sample = match self.views.get(index) {
-                Some(view) => view.as_ref()?.sample_by_solid_angle(u)?,
-                None => TriangleView::new(&triangles[index], true, self.point)?.sample_by_solid_angle(u)?,
+            let (wi, distance) = match self.views.get(index) {
+                Some(view) => view.as_ref()?.cast(u),
+                None => TriangleView::new(&triangles[index], true, self.point)?.cast(u),
             };
-            return Some(TriangleSample { pdf: self.pdf(sample.wi), barycentrics: Vec3::ZERO, ..sample });
+            let distance = distance as f32;
+            return (distance > 0.0 && distance.is_finite()).then(|| TriangleSample {
+                wi: wi.as_vec3().normalize(),
+                distance,
+                pdf: (1.0 / cumulative[count - 1]) as f32,
+                barycentrics: Vec3::ZERO,
+            });
         }
         let place = match self.patch.parallelogram {
             Some([corner, e1, e2]) => corner + u.x * e1 + u.y * e2,

@@ -108,17 +108,23 @@ impl TriangleView {
         self.finish(wi, a.dot(self.cross) / wi.dot(self.cross), barycentrics)
     }
 
-    /// [`Self::sample`] by solid angle, however small the triangle looks; its density is then the caller's to know.
-    pub(super) fn sample_by_solid_angle(&self, u: Vec2) -> Option<TriangleSample> {
+    fn sample_by_solid_angle(&self, u: Vec2) -> Option<TriangleSample> {
         let [a, b, c] = self.vertices;
-        let wi = self.sample_direction(u);
-        let distance = a.dot(self.cross) / wi.dot(self.cross);
+        let (wi, distance) = self.cast(u);
         let hit = wi * distance;
         let norm = self.cross.length_squared();
         let wb = (hit - a).cross(c - a).dot(self.cross) / norm;
         let wc = (b - a).cross(hit - a).dot(self.cross) / norm;
         let (wb, wc) = (wb.clamp(0.0, 1.0), wc.clamp(0.0, 1.0));
         self.finish(wi, distance, DVec3::new((1.0 - wb - wc).max(0.0), wb, wc))
+    }
+
+    /// A direction uniform in solid angle, however small the triangle looks, and the distance to the triangle's plane
+    /// along it.
+    #[inline]
+    pub(super) fn cast(&self, u: Vec2) -> (DVec3, f64) {
+        let wi = self.sample_direction(u);
+        (wi, self.vertices[0].dot(self.cross) / wi.dot(self.cross))
     }
 
     fn finish(&self, wi: DVec3, distance: f64, barycentrics: DVec3) -> Option<TriangleSample> {
@@ -149,8 +155,12 @@ impl TriangleView {
         let along = if along.is_finite() { along.clamp(-1.0, 1.0) } else { 1.0 };
         let cut = along * a + (1.0 - along * along).sqrt() * tangent_ac;
 
-        let z = 1.0 - f64::from(u.y) * (1.0 - cut.dot(b));
-        (z * b + (1.0 - z * z).max(0.0).sqrt() * orthogonal_part(cut, b)).normalize()
+        // The direction at height z above b's plane in the plane of b and `cut`. sqrt(1 - z^2) over the length of the
+        // orthogonal part, written without differences of nearly equal numbers.
+        let cos = cut.dot(b);
+        let y = f64::from(u.y);
+        let z = 1.0 - y * (1.0 - cos);
+        z * b + (y * (1.0 + z) / (1.0 + cos).max(f64::MIN_POSITIVE)).sqrt() * (cut - cos * b)
     }
 }
 
