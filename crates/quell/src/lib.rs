@@ -48,6 +48,7 @@ pub mod history;
 pub mod kernels;
 mod memory;
 mod par;
+pub mod parameter;
 pub mod pipeline;
 pub mod plane;
 pub mod reference;

@@ -24,3 +24,22 @@ pub(crate) fn plane<T: Copy + Default + Send>(size: Size, f: impl Fn(usize, usiz
     });
     plane
 }
+
+/// [`rows`] over two images at once: `f(y, row of a, row of b)`.
+pub(crate) fn two_rows<A: Send, B: Send>(
+    a: &mut [A],
+    a_width: usize,
+    b: &mut [B],
+    b_width: usize,
+    f: impl Fn(usize, &mut [A], &mut [B]) + Sync + Send,
+) {
+    let (a_width, b_width) = (a_width.max(1), b_width.max(1));
+    #[cfg(feature = "threads")]
+    {
+        use rayon::prelude::*;
+        let pairs = a.par_chunks_mut(a_width).zip(b.par_chunks_mut(b_width));
+        pairs.enumerate().for_each(|(y, (a, b))| f(y, a, b));
+    }
+    #[cfg(not(feature = "threads"))]
+    a.chunks_mut(a_width).zip(b.chunks_mut(b_width)).enumerate().for_each(|(y, (a, b))| f(y, a, b));
+}

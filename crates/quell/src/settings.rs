@@ -6,8 +6,9 @@
 //! lengths are relative to view depth, or to the size of a pixel at that depth.
 
 use crate::error::Error;
+pub use crate::parameter::{Parameter, nearest};
+use crate::parameter::{choices, parameters};
 use std::fmt::Write as _;
-use std::ops::RangeInclusive;
 
 /// Rows at which radii in pixels are meant.
 pub const REFERENCE_ROWS: f32 = 720.0;
@@ -40,95 +41,6 @@ impl std::str::FromStr for Preset {
             .find(|p| p.name() == name)
             .ok_or_else(|| Error::UnknownPreset { name: name.to_owned(), known: Self::ALL.map(Self::name).join(", ") })
     }
-}
-
-/// A type that a parameter can have.
-trait Value: Sized {
-    type Range;
-    fn parse(text: &str, range: &Self::Range) -> Option<Self>;
-    fn format(&self) -> String;
-    fn describe(range: &Self::Range) -> String;
-    /// Values worth trying in a test that moves each parameter: inside the range.
-    fn samples(range: &Self::Range) -> Vec<String>;
-}
-
-impl Value for f32 {
-    type Range = RangeInclusive<f32>;
-    fn parse(text: &str, range: &Self::Range) -> Option<Self> {
-        text.trim().parse().ok().filter(|v: &f32| v.is_finite() && range.contains(v))
-    }
-    fn format(&self) -> String {
-        self.to_string()
-    }
-    fn describe(range: &Self::Range) -> String {
-        format!("a number from {} to {}", range.start(), range.end())
-    }
-    fn samples(range: &Self::Range) -> Vec<String> {
-        let (a, b) = (*range.start(), *range.end());
-        // Geometric and arithmetic middles as well as the ends: which of them acts depends on the parameter.
-        [a, a + (b - a) * 0.01, a + (b - a) * 0.1, a + (b - a) * 0.5, b].iter().map(f32::to_string).collect()
-    }
-}
-
-impl Value for u32 {
-    type Range = RangeInclusive<u32>;
-    fn parse(text: &str, range: &Self::Range) -> Option<Self> {
-        text.trim().parse().ok().filter(|v| range.contains(v))
-    }
-    fn format(&self) -> String {
-        self.to_string()
-    }
-    fn describe(range: &Self::Range) -> String {
-        format!("a whole number from {} to {}", range.start(), range.end())
-    }
-    fn samples(range: &Self::Range) -> Vec<String> {
-        let (a, b) = (*range.start(), *range.end());
-        [a, a + 1, a + (b - a) / 2, b].iter().map(u32::to_string).collect()
-    }
-}
-
-impl Value for bool {
-    type Range = ();
-    fn parse(text: &str, (): &()) -> Option<Self> {
-        match text.trim() {
-            "on" | "true" | "1" | "yes" => Some(true),
-            "off" | "false" | "0" | "no" => Some(false),
-            _ => None,
-        }
-    }
-    fn format(&self) -> String {
-        if *self { "on" } else { "off" }.to_owned()
-    }
-    fn describe((): &()) -> String {
-        "on or off".to_owned()
-    }
-    fn samples((): &()) -> Vec<String> {
-        vec!["on".to_owned(), "off".to_owned()]
-    }
-}
-
-macro_rules! choices {
-    ($( $(#[$meta:meta])* $name:ident { $( $(#[$vmeta:meta])* $variant:ident = $text:literal ),+ $(,)? } )+) => { $(
-        $(#[$meta])*
-        #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-        pub enum $name { $( $(#[$vmeta])* $variant ),+ }
-
-        impl Value for $name {
-            type Range = ();
-            fn parse(text: &str, (): &()) -> Option<Self> {
-                match text.trim() { $( $text => Some(Self::$variant), )+ _ => None }
-            }
-            fn format(&self) -> String {
-                match self { $( Self::$variant => $text.to_owned() ),+ }
-            }
-            fn describe((): &()) -> String {
-                format!("one of {}", [$($text),+].join(", "))
-            }
-            fn samples((): &()) -> Vec<String> {
-                vec![$($text.to_owned()),+]
-            }
-        }
-    )+ };
 }
 
 choices! {
@@ -202,89 +114,11 @@ choices! {
     }
 }
 
-/// What the table says of one parameter.
-pub struct Parameter {
-    /// `stage.parameter`, as `--set` takes it.
-    pub name: &'static str,
-    /// The group: a stage or a kernel that several stages share.
-    pub group: &'static str,
-    /// Unit, empty for plain numbers.
-    pub unit: &'static str,
-    /// What it is.
-    pub doc: &'static str,
-    /// What a higher value (or `on`) does.
-    pub higher: &'static str,
-    /// What a lower value (or `off`) does.
-    pub lower: &'static str,
-    /// Mark and source.
-    pub source: &'static str,
-    describe: fn() -> String,
-    samples: fn() -> Vec<String>,
-    get: fn(&Settings) -> String,
-    set: fn(&mut Settings, &str) -> bool,
-}
-
-impl Parameter {
-    /// Kind and range in words.
-    pub fn range(&self) -> String {
-        (self.describe)()
-    }
-
-    /// Some values inside the range, the ends among them.
-    pub fn samples(&self) -> Vec<String> {
-        (self.samples)()
-    }
-}
-
-impl std::fmt::Debug for Parameter {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("Parameter").field("name", &self.name).field("range", &self.range()).finish_non_exhaustive()
-    }
-}
-
-macro_rules! parameters {
-    ($(
-        $(#[$gmeta:meta])*
-        $group:ident: $Group:ident {
-            $( $field:ident: $T:ty = $default:expr, $range:expr, $unit:literal, $doc:literal,
-               higher $higher:literal, lower $lower:literal, source $source:literal; )+
-        }
-    )+) => {
-        $(
-            $(#[$gmeta])*
-            #[derive(Clone, Debug, PartialEq)]
-            pub struct $Group { $( #[doc = $doc] pub $field: $T, )+ }
-
-            impl Default for $Group {
-                fn default() -> Self { Self { $( $field: $default, )+ } }
-            }
-        )+
-
-        /// The value of every parameter. The default is the preset `paper`.
-        #[derive(Clone, Debug, Default, PartialEq)]
-        pub struct Settings { $( $(#[$gmeta])* pub $group: $Group, )+ }
-
-        /// Every parameter, in the order of the pipeline.
-        pub static PARAMETERS: &[Parameter] = &[ $( $( Parameter {
-            name: concat!(stringify!($group), ".", stringify!($field)),
-            group: stringify!($group),
-            unit: $unit,
-            doc: $doc,
-            higher: $higher,
-            lower: $lower,
-            source: $source,
-            describe: || <$T as Value>::describe(&$range),
-            samples: || <$T as Value>::samples(&$range),
-            get: |s| Value::format(&s.$group.$field),
-            set: |s, text| match <$T as Value>::parse(text, &$range) {
-                Some(value) => { s.$group.$field = value; true }
-                None => false,
-            },
-        }, )+ )+ ];
-    };
-}
-
 parameters! {
+    /// The value of every parameter. The default is the preset `paper`.
+    Settings
+    /// Every parameter, in the order of the pipeline.
+    PARAMETERS
     /// What concerns the order of the stages.
     pipeline: Pipeline {
         feedback: Feedback = Feedback::Blend, (), "",
@@ -502,36 +336,6 @@ impl Settings {
         }
     }
 
-    /// Sets `stage.parameter` from text.
-    ///
-    /// # Errors
-    /// [`Error::UnknownParameter`] with the nearest names, [`Error::ParameterValue`] with the range.
-    pub fn set(&mut self, name: &str, value: &str) -> Result<(), Error> {
-        let parameter = find(name)?;
-        if (parameter.set)(self, value) {
-            Ok(())
-        } else {
-            Err(Error::ParameterValue { name: name.to_owned(), value: value.to_owned(), expected: parameter.range() })
-        }
-    }
-
-    /// The value of `stage.parameter` as text that [`Settings::set`] takes.
-    ///
-    /// # Errors
-    /// [`Error::UnknownParameter`] with the nearest names.
-    pub fn get(&self, name: &str) -> Result<String, Error> {
-        Ok((find(name)?.get)(self))
-    }
-
-    /// Checks that every value lies in its range (fields can be set without [`Settings::set`]).
-    ///
-    /// # Errors
-    /// [`Error::ParameterValue`] for the first that does not.
-    pub fn check(&self) -> Result<(), Error> {
-        let mut copy = self.clone();
-        PARAMETERS.iter().try_for_each(|p| copy.set(p.name, &(p.get)(self)))
-    }
-
     /// Every spatial filter off: the talk's ablation "without spatial filters".
     #[must_use]
     pub fn without_spatial_filters(mut self) -> Self {
@@ -591,43 +395,6 @@ pub fn parameters_markdown() -> String {
         );
     }
     page
-}
-
-fn find(name: &str) -> Result<&'static Parameter, Error> {
-    PARAMETERS.iter().find(|p| p.name == name).ok_or_else(|| Error::UnknownParameter {
-        name: name.to_owned(),
-        nearest: nearest(name, PARAMETERS.iter().map(|p| p.name)),
-    })
-}
-
-/// Up to three candidates whose edit distance to `name` is small, nearest first; a candidate whose last part equals
-/// `name`'s last part counts as near.
-pub fn nearest<'a>(name: &str, candidates: impl Iterator<Item = &'a str>) -> Vec<String> {
-    fn last(text: &str) -> &str {
-        text.rsplit('.').next().unwrap_or(text)
-    }
-    let mut scored: Vec<(usize, &str)> = candidates
-        .map(|c| if last(c) == last(name) { (1, c) } else { (edit_distance(name, c), c) })
-        .filter(|(d, c)| *d <= 2.max(c.len() / 3))
-        .collect();
-    scored.sort();
-    scored.into_iter().take(3).map(|(_, c)| c.to_owned()).collect()
-}
-
-/// Levenshtein's distance.
-fn edit_distance(a: &str, b: &str) -> usize {
-    let b: Vec<char> = b.chars().collect();
-    let mut row: Vec<usize> = (0..=b.len()).collect();
-    for (i, ca) in a.chars().enumerate() {
-        let mut diagonal = row[0];
-        row[0] = i + 1;
-        for (j, cb) in b.iter().enumerate() {
-            let substituted = diagonal + usize::from(ca != *cb);
-            diagonal = row[j + 1];
-            row[j + 1] = substituted.min(diagonal + 1).min(row[j] + 1);
-        }
-    }
-    row[b.len()]
 }
 
 #[cfg(test)]

@@ -1,8 +1,36 @@
 //! Offline: whole sequences of other renderers, filtered with the past and the future in view.
 //!
+//! ```text
+//! frame.rs       what a frame brings: any number of lights, guides that may be noisy or absent
+//! settings.rs    every parameter, declared once; the preset `sequence`
+//! denoiser.rs    frames in, filtered frames out; the order of the stages
+//! member.rs      a frame of the window, made ready
+//! guides.rs      guides made ready: slopes of depth, unit normals, how noisy they are themselves
+//! follow.rs      stage 1: where a pixel's surface lies in the other frames
+//! accumulate.rs  stage 1: the samples met there, averaged
+//! variance.rs    stage 2: the variance of that average
+//! wavelet.rs     stage 3: edge-avoiding a-trous levels with a luminance stop
+//! energy.rs      how unlike two pixels' guides are
+//! stabilise.rs   stage 4: neighbours in time, limited to the local range
+//! rows.rs        images of many channels
+//! ```
+//!
 //! Each frame is estimated from a window of frames around it, never from a filtered predecessor: any split of a job
 //! gives the same bits, and the first frame is as clean as the rest.
 
+mod accumulate;
+mod denoiser;
+mod energy;
+mod follow;
 pub mod frame;
+mod guides;
+mod member;
+mod rows;
+pub mod settings;
+mod stabilise;
+mod variance;
+mod wavelet;
 
+pub use denoiser::{Filtered, FilteredLight, SequenceDenoiser};
 pub use frame::{Light, LightKind, SequenceFrame};
+pub use settings::{SEQUENCE_PARAMETERS, SequenceSettings};

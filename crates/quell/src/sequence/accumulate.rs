@@ -1,0 +1,103 @@
+//! The mean of the samples met along each surface's way, its variance, and how many samples it is worth.
+
+use super::follow::{Tap, taps};
+use super::frame::LightKind;
+use super::member::Member;
+use super::rows::Rows;
+use super::settings::Gather;
+use crate::frame::Rgb;
+use crate::par;
+
+/// Luminance of linear Rec. 709.
+pub(super) fn luminance(c: Rgb) -> f32 {
+    0.2126 * c[0] + 0.7152 * c[1] + 0.0722 * c[2]
+}
+
+/// What is known of every light before any filter over the image.
+pub(super) struct Accumulated {
+    /// Three channels a colour plane: the means.
+    pub colours: Rows,
+    /// Two channels a light: variance of one sample's luminance, and the samples that the mean is worth.
+    pub moments: Rows,
+}
+
+fn decay(gather: &Gather, kind: LightKind) -> f32 {
+    match kind {
+        LightKind::GlossyDirect => gather.glossy_direct_decay,
+        LightKind::GlossyIndirect => gather.glossy_decay,
+        LightKind::Transmission => gather.transmission_decay,
+        LightKind::Steady => 0.0,
+        LightKind::MatteDirect | LightKind::MatteIndirect | LightKind::Volume | LightKind::Beauty => gather.matte_decay,
+    }
+}
+
+/// Means over the window for every light of `window[centre]`.
+///
+/// A tap is a pixel of some frame with weight w; the mean is worth n = (sum w)^2 / sum w^2 samples, and the variance of
+/// one sample is the weighted spread times n / (n - 1).
+pub(super) fn accumulate(window: &[&Member], centre: usize, gather: &Gather) -> Accumulated {
+    let here = window[centre];
+    let (w, planes) = (here.size.width, here.planes);
+    let powers: Vec<Vec<f32>> = (here.slots.iter())
+        .map(|s| {
+            (0..=gather.frames)
+                .scan(1.0, |p, _| {
+                    let now = *p;
+                    *p *= decay(gather, s.kind);
+                    Some(now)
+                })
+                .collect()
+        })
+        .collect();
+    let mut colours = Rows::new(here.size, 3 * planes);
+    let mut moments = Rows::new(here.size, 2 * here.slots.len());
+    par::two_rows(
+        colours.data_mut(),
+        3 * planes * w,
+        moments.data_mut(),
+        2 * here.slots.len() * w,
+        |y, colours, moments| {
+            let mut met: Vec<Tap> = Vec::new();
+            let mut sums = vec![[0.0f32; 3]; planes];
+            for x in 0..w {
+                taps(window, centre, y * w + x, gather, &mut met);
+                for (l, slot) in here.slots.iter().enumerate() {
+                    let sums = &mut sums[..slot.planes];
+                    sums.fill([0.0; 3]);
+                    let (mut total, mut squares, mut second) = (0.0f32, 0.0f32, 0.0f32);
+                    // Moments about the first sample: differences of large numbers lose less.
+                    let start = y * w * planes + x * planes + slot.first;
+                    let pivot = luminance(here.samples[start]);
+                    for tap in &met {
+                        let weight = tap.weight * powers[l][tap.distance as usize];
+                        if weight == 0.0 {
+                            continue;
+                        }
+                        let start = tap.pixel as usize * planes + slot.first;
+                        let samples = &window[tap.frame as usize].samples[start..start + slot.planes];
+                        for (sum, sample) in sums.iter_mut().zip(samples) {
+                            for c in 0..3 {
+                                sum[c] += weight * sample[c];
+                            }
+                        }
+                        let off = luminance(samples[0]) - pivot;
+                        second += weight * off * off;
+                        total += weight;
+                        squares += weight * weight;
+                    }
+                    for (k, sum) in sums.iter().enumerate() {
+                        for c in 0..3 {
+                            colours[(3 * (slot.first + k) + c) * w + x] = sum[c] / total;
+                        }
+                    }
+                    let count = total * total / squares;
+                    let mean = luminance(sums[0].map(|s| s / total)) - pivot;
+                    let spread = (second / total - mean * mean).max(0.0);
+                    moments[2 * l * w + x] = if count > 1.01 { spread * count / (count - 1.0) } else { 0.0 };
+                    moments[(2 * l + 1) * w + x] = count;
+                }
+            }
+        },
+    );
+    Accumulated { colours, moments }
+}

@@ -1,0 +1,149 @@
+//! Where a pixel's surface lies in the other frames of the window, and which of their pixels show it.
+
+use super::guides::Surface;
+use super::member::Member;
+use super::settings::Gather;
+
+/// A pixel of another frame that shows the surface, with its weight.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Tap {
+    /// Place of the frame in the window.
+    pub frame: u32,
+    /// Frames between.
+    pub distance: u32,
+    /// Index of the pixel.
+    pub pixel: u32,
+    /// Share of the pixel, 0..1.
+    pub weight: f32,
+}
+
+/// Weight of a sample that was matched by its motion alone.
+const MOVING_WEIGHT: f32 = 0.7;
+/// Least cosine between normals of one surface now and then: standing, and turning.
+const STANDING_NORMAL: f32 = 0.6;
+const MOVING_NORMAL: f32 = 0.7;
+/// Most relative change of depth a frame of a surface that moves.
+const MOVING_DEPTH: f32 = 0.1;
+/// Taps with less of the bilinear weight are left out.
+const LEAST_SHARE: f32 = 0.01;
+/// Noise that repeats (one seed for all frames) sticks to the pixel: nearer than this it is the same noise.
+const SAME_NOISE: f32 = 0.75;
+
+/// All taps of pixel `index` of `window[centre]`, itself first.
+pub(super) fn taps(window: &[&Member], centre: usize, index: usize, gather: &Gather, taps: &mut Vec<Tap>) {
+    taps.clear();
+    taps.push(Tap { frame: centre as u32, distance: 0, pixel: index as u32, weight: 1.0 });
+    follow(window, centre, index, false, gather, taps);
+    if gather.future {
+        follow(window, centre, index, true, gather, taps);
+    }
+}
+
+fn follow(window: &[&Member], centre: usize, index: usize, forward: bool, gather: &Gather, taps: &mut Vec<Tap>) {
+    let size = window[centre].size;
+    let (w, h) = (size.width, size.height);
+    let steps = if forward { window.len() - 1 - centre } else { centre }.min(gather.frames as usize);
+    let origin = ((index % w) as f32, (index / w) as f32);
+    let mut at = origin;
+    let mut nearest = index;
+    let mut tracked: Surface = window[centre].guides.surface[index];
+    for k in 1..=steps {
+        let (from, to) = if forward { (centre + k - 1, centre + k) } else { (centre + 1 - k, centre - k) };
+        let (from, member) = (window[from], window[to]);
+        let motion = if forward { &from.motion_to_next } else { &from.motion_to_previous };
+        let Some(motion) = motion else { return };
+        let m = motion.data()[nearest];
+        at = (at.0 + m[0], at.1 + m[1]);
+        // NaN fails too: unknown motion ends the way.
+        if !(at.0 > -0.5 && at.1 > -0.5 && at.0 < w as f32 - 0.5 && at.1 < h as f32 - 0.5) {
+            return;
+        }
+        let repeated = (from.repeats_noise || member.repeats_noise)
+            && (at.0 - origin.0).abs() < SAME_NOISE
+            && (at.1 - origin.1).abs() < SAME_NOISE;
+        let back = if forward { &member.motion_to_previous } else { &member.motion_to_next };
+        let (left, top) = (at.0.floor(), at.1.floor());
+        let (tx, ty) = (at.0 - left, at.1 - top);
+        let pixel_size =
+            if tracked.inverse_depth > 0.0 { member.guides.pixel_angle / tracked.inverse_depth } else { 0.0 };
+        let mut best = (0.0f32, 0usize);
+        for (dx, dy, share) in
+            [(0, 0, (1.0 - tx) * (1.0 - ty)), (1, 0, tx * (1.0 - ty)), (0, 1, (1.0 - tx) * ty), (1, 1, tx * ty)]
+        {
+            let (qx, qy) = (left as isize + dx, top as isize + dy);
+            if share < LEAST_SHARE || !size.contains(qx, qy) {
+                continue;
+            }
+            let q = qy as usize * w + qx as usize;
+            let round_trip = back.as_ref().map(|b| b.data()[q]).map(|r| [m[0] + r[0], m[1] + r[1]]);
+            let Some(trust) = same_surface(&member.guides.surface[q], &tracked, pixel_size, m, round_trip, gather)
+            else {
+                continue;
+            };
+            if share > best.0 {
+                best = (share, q);
+            }
+            if !repeated {
+                taps.push(Tap { frame: to as u32, distance: k as u32, pixel: q as u32, weight: share * trust });
+            }
+        }
+        if best.0 == 0.0 {
+            return;
+        }
+        nearest = best.1;
+        let s = member.guides.surface[nearest];
+        // A surface that moves carries its reference along; one that stands keeps the first, so that errors do not add.
+        if !(pixel_size > 0.0 && off_plane(&s, &tracked) < gather.plane_distance * pixel_size) {
+            tracked = s;
+        }
+    }
+}
+
+fn difference(a: &Surface, b: &Surface) -> [f32; 3] {
+    [0, 1, 2].map(|c| a.position[c] - b.position[c])
+}
+
+fn dot(a: [f32; 3], b: [f32; 3]) -> f32 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+/// Distance of `s` from the tangent plane of `reference`.
+fn off_plane(s: &Surface, reference: &Surface) -> f32 {
+    dot(difference(s, reference), reference.normal).abs()
+}
+
+/// How far a pixel of another frame is believed to show the tracked surface; `None`: it shows another.
+fn same_surface(
+    s: &Surface,
+    tracked: &Surface,
+    pixel_size: f32,
+    motion: [f32; 2],
+    round_trip: Option<[f32; 2]>,
+    gather: &Gather,
+) -> Option<f32> {
+    if (s.inverse_depth > 0.0) != (tracked.inverse_depth > 0.0) {
+        return None;
+    }
+    let has_normals = s.normal != [0.0; 3] || tracked.normal != [0.0; 3];
+    let cosine = if has_normals { dot(s.normal, tracked.normal) } else { 1.0 };
+    if pixel_size > 0.0 {
+        let off = off_plane(s, tracked);
+        let d = difference(s, tracked);
+        let near = dot(d, d) < 36.0 * pixel_size.max(off).powi(2);
+        if off < gather.plane_distance * pixel_size && (near || cosine > 0.9) {
+            return (cosine >= STANDING_NORMAL).then_some(1.0);
+        }
+    }
+    // It moves, or positions are unknown: the surface there must come from here.
+    if let Some(miss) = round_trip {
+        let length = (motion[0] * motion[0] + motion[1] * motion[1]).sqrt();
+        let miss = (miss[0] * miss[0] + miss[1] * miss[1]).sqrt();
+        // NaN is no agreement.
+        if miss.is_nan() || miss > gather.round_trip + 0.05 * length {
+            return None;
+        }
+    }
+    let depth_change =
+        if tracked.inverse_depth > 0.0 { (s.inverse_depth / tracked.inverse_depth - 1.0).abs() } else { 0.0 };
+    (depth_change <= MOVING_DEPTH && cosine >= MOVING_NORMAL).then_some(MOVING_WEIGHT)
+}

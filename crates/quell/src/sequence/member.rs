@@ -1,0 +1,108 @@
+//! A frame of the window, made ready: what the stages need of it and no more.
+
+use super::frame::{LightKind, SequenceFrame};
+use super::guides::Guides;
+use crate::frame::Rgb;
+use crate::plane::{Plane, Size};
+
+/// A light's place among the packed samples.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Slot {
+    pub kind: LightKind,
+    /// First of its colour planes among all.
+    pub first: usize,
+    /// Its colour planes: itself and its joint planes.
+    pub planes: usize,
+}
+
+/// A frame of the window.
+pub(super) struct Member {
+    pub number: i64,
+    pub size: Size,
+    pub slots: Vec<Slot>,
+    /// Colour planes in all.
+    pub planes: usize,
+    /// All colour planes of all lights, pixel by pixel: a tap reads one run of memory.
+    pub samples: Vec<Rgb>,
+    /// What multiplies each light back; `None`: 1.
+    pub weights: Vec<Option<Plane<Rgb>>>,
+    pub in_beauty: Vec<bool>,
+    pub guides: Guides,
+    pub motion_to_previous: Option<Plane<[f32; 2]>>,
+    pub motion_to_next: Option<Plane<[f32; 2]>>,
+    pub alpha: Option<Plane<f32>>,
+    pub variance: Option<Plane<f32>>,
+    pub repeats_noise: bool,
+}
+
+impl Member {
+    /// Takes the frame apart. What is not finite becomes 0 and is counted.
+    pub(super) fn new(frame: SequenceFrame) -> (Self, usize) {
+        let guides = Guides::new(&frame);
+        let mut slots = Vec::with_capacity(frame.lights.len());
+        let mut planes = 0;
+        for light in &frame.lights {
+            slots.push(Slot { kind: light.kind, first: planes, planes: 1 + light.joint.len() });
+            planes += 1 + light.joint.len();
+        }
+        let mut samples = vec![[0.0; 3]; frame.size.pixels() * planes];
+        let mut repaired = 0;
+        let colours = frame.lights.iter().flat_map(|l| std::iter::once(&l.light).chain(&l.joint));
+        for (k, plane) in colours.enumerate() {
+            for (value, sample) in plane.data().iter().zip(samples.iter_mut().skip(k).step_by(planes)) {
+                if value.iter().all(|c| c.is_finite()) {
+                    *sample = *value;
+                } else {
+                    repaired += 1;
+                }
+            }
+        }
+        let member = Self {
+            number: frame.number,
+            size: frame.size,
+            slots,
+            planes,
+            samples,
+            in_beauty: frame.lights.iter().map(|l| l.in_beauty).collect(),
+            weights: frame.lights.into_iter().map(|l| l.weight).collect(),
+            guides,
+            motion_to_previous: frame.motion_to_previous,
+            motion_to_next: frame.motion_to_next,
+            alpha: frame.alpha,
+            variance: frame.variance,
+            repeats_noise: frame.repeats_noise,
+        };
+        (member, repaired)
+    }
+
+    /// True where `other` holds the same lights at the same extent.
+    pub(super) fn same_kind(&self, other: &Self) -> bool {
+        let shape = |m: &Self| m.slots.iter().map(|s| (s.kind, s.planes)).collect::<Vec<_>>();
+        self.size == other.size && shape(self) == shape(other)
+    }
+
+    /// Motion to the next frame from that frame's motion to this one: each of its pixels tells where it was; of those
+    /// that meet in a pixel the nearest to the eye wins.
+    pub(super) fn derive_motion_to_next(&mut self, next: &Self) {
+        let (w, h) = (self.size.width, self.size.height);
+        let Some(back) = &next.motion_to_previous else { return };
+        let mut motion = Plane::filled(self.size, [f32::NAN; 2]);
+        let mut nearest = vec![f32::MIN; w * h];
+        for y in 0..h {
+            for x in 0..w {
+                let m = back.at(x, y);
+                let (px, py) = ((x as f32 + m[0]).round(), (y as f32 + m[1]).round());
+                if !(px >= 0.0 && py >= 0.0 && px < w as f32 && py < h as f32) {
+                    continue;
+                }
+                let p = py as usize * w + px as usize;
+                let closeness = next.guides.surface[y * w + x].inverse_depth;
+                if closeness > nearest[p] {
+                    nearest[p] = closeness;
+                    motion.data_mut()[p] = [-m[0], -m[1]];
+                }
+            }
+        }
+        self.motion_to_next = Some(motion);
+    }
+}

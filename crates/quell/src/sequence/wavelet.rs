@@ -1,0 +1,182 @@
+//! Edge-avoiding a-trous levels with a luminance stop: Dammertz, Sewtz, Hanika, Lensch (HPG 2010), and the stop by
+//! estimated variance of SVGF (Schied et al., HPG 2017).
+//!
+//! Ours: the compared luminances are means over 3x3 of the same surface, and their squared difference is counted only
+//! beyond the variance that both bring along, so that noise alone stops nothing; levels share the weights of guides
+//! between all lights.
+
+use super::accumulate::Accumulated;
+use super::energy::{Class, Offset, energies, weight};
+use super::frame::LightKind;
+use super::member::Member;
+use super::rows::Rows;
+use super::settings::Wavelet;
+use crate::par;
+
+/// Half of the B3 spline's kernel, from the centre outwards.
+const SPLINE: [f32; 3] = [0.375, 0.25, 0.0625];
+/// Luminances of one pixel that differ by less than this share do not differ.
+const LEAST_CONTRAST: f32 = 1e-3;
+
+fn levels(s: &Wavelet, kind: LightKind) -> u32 {
+    match kind {
+        LightKind::Steady => 0,
+        LightKind::Transmission => s.transmission_levels,
+        _ => s.levels,
+    }
+}
+
+fn tolerance(s: &Wavelet, kind: LightKind) -> f32 {
+    match kind {
+        LightKind::MatteDirect => s.matte_direct,
+        LightKind::MatteIndirect | LightKind::Steady => s.matte,
+        LightKind::GlossyDirect | LightKind::GlossyIndirect => s.glossy,
+        LightKind::Transmission | LightKind::Volume | LightKind::Beauty => s.transmission,
+    }
+}
+
+/// Filters every light; returns the colours, channels as in [`Accumulated`].
+pub(super) fn wavelet(member: &Member, accumulated: Accumulated, variance: Rows, s: &Wavelet) -> Rows {
+    let mut colours = accumulated.colours;
+    let mut variance = variance;
+    let most = member.slots.iter().map(|slot| levels(s, slot.kind)).max().unwrap_or(0);
+    for level in 0..most {
+        let compared = compared(member, &colours, &variance, s);
+        let active: Vec<usize> = (0..member.slots.len()).filter(|&l| levels(s, member.slots[l].kind) > level).collect();
+        (colours, variance) = filter_level(member, &colours, &variance, &compared, 1 << level, &active, s);
+    }
+    colours
+}
+
+/// Two channels a light: mean luminance over 3x3 of the same surface, and its variance.
+fn compared(member: &Member, colours: &Rows, variance: &Rows, s: &Wavelet) -> Rows {
+    let (w, h) = (member.size.width, member.size.height);
+    let lights = member.slots.len();
+    let classes: Vec<usize> = member.slots.iter().map(|s| Class::of(s.kind) as usize).collect();
+    let wanted = Class::ALL.map(|c| classes.contains(&(c as usize)));
+    let mut out = Rows::new(member.size, 2 * lights);
+    par::rows(out.data_mut(), (2 * lights * w).max(1), |y, out| {
+        let mut energy: [Vec<f32>; 4] = std::array::from_fn(|_| vec![0.0; w]);
+        let mut total = vec![0.0f32; lights * w];
+        for dy in -1..=1isize {
+            for dx in -1..=1isize {
+                let Some(o) = Offset::new(w, h, y, dx, dy) else { continue };
+                if dx == 0 && dy == 0 {
+                    energy.iter_mut().for_each(|e| e.fill(0.0));
+                } else {
+                    energies(&member.guides.local, w, &o, s, wanted, &mut energy);
+                }
+                let share = [2.0, 1.0][dx.unsigned_abs()] * [2.0, 1.0][dy.unsigned_abs()];
+                for (l, slot) in member.slots.iter().enumerate() {
+                    let rgb = [0, 1, 2].map(|c| o.taps(colours.row(o.qy, 3 * slot.first + c)));
+                    let var = o.taps(variance.row(o.qy, l));
+                    let n = o.to - o.from;
+                    let energy = &energy[classes[l]][..n];
+                    let (mean, spread) = out[2 * l * w..][..2 * w].split_at_mut(w);
+                    let (mean, spread) = (&mut mean[o.from..o.to], &mut spread[o.from..o.to]);
+                    let total = &mut total[l * w + o.from..][..n];
+                    for i in 0..n {
+                        let g = share * weight(energy[i]);
+                        total[i] += g;
+                        mean[i] += g * (0.2126 * rgb[0][i] + 0.7152 * rgb[1][i] + 0.0722 * rgb[2][i]);
+                        spread[i] += g * g * var[i];
+                    }
+                }
+            }
+        }
+        for l in 0..lights {
+            for x in 0..w {
+                let total = total[l * w + x];
+                out[2 * l * w + x] /= total;
+                out[(2 * l + 1) * w + x] /= total * total;
+            }
+        }
+    });
+    out
+}
+
+fn filter_level(
+    member: &Member,
+    colours: &Rows,
+    variance: &Rows,
+    compared: &Rows,
+    step: isize,
+    active: &[usize],
+    s: &Wavelet,
+) -> (Rows, Rows) {
+    let (w, h) = (member.size.width, member.size.height);
+    let lights = member.slots.len();
+    let classes: Vec<usize> = member.slots.iter().map(|s| Class::of(s.kind) as usize).collect();
+    let wanted = Class::ALL.map(|c| active.iter().any(|&l| classes[l] == c as usize));
+    let mut next = Rows::new(member.size, colours.channels());
+    let mut next_variance = Rows::new(member.size, lights);
+    let (cw, vw) = (colours.channels() * w, lights * w);
+    par::two_rows(next.data_mut(), cw, next_variance.data_mut(), vw, |y, out, out_variance| {
+        for l in (0..lights).filter(|l| !active.contains(l)) {
+            let slot = &member.slots[l];
+            for c in 3 * slot.first..3 * (slot.first + slot.planes) {
+                out[c * w..][..w].copy_from_slice(colours.row(y, c));
+            }
+            out_variance[l * w..][..w].copy_from_slice(variance.row(y, l));
+        }
+        let mut energy: [Vec<f32>; 4] = std::array::from_fn(|_| vec![0.0; w]);
+        let mut total = vec![0.0f32; lights * w];
+        let mut weights = vec![0.0f32; w];
+        for dy in -2..=2isize {
+            for dx in -2..=2isize {
+                let Some(o) = Offset::new(w, h, y, dx * step, dy * step) else { continue };
+                let n = o.to - o.from;
+                let share = SPLINE[dx.unsigned_abs()] * SPLINE[dy.unsigned_abs()];
+                let centre = dx == 0 && dy == 0;
+                if !centre {
+                    energies(&member.guides.local, w, &o, s, wanted, &mut energy);
+                }
+                for &l in active {
+                    let slot = &member.slots[l];
+                    let weights = &mut weights[..n];
+                    if centre {
+                        weights.fill(share);
+                    } else {
+                        let k = tolerance(s, slot.kind);
+                        let k2 = k * k;
+                        let energy = &energy[classes[l]][..n];
+                        let (mp, mq) = (o.centres(compared.row(y, 2 * l)), o.taps(compared.row(o.qy, 2 * l)));
+                        let (vp, vq) = (o.centres(compared.row(y, 2 * l + 1)), o.taps(compared.row(o.qy, 2 * l + 1)));
+                        for i in 0..n {
+                            let d = mp[i] - mq[i];
+                            let v = vp[i] + vq[i];
+                            let contrast = LEAST_CONTRAST * mp[i];
+                            let stop = (d * d - v).max(0.0) / (k2 * v + contrast * contrast + 1e-12);
+                            weights[i] = share * weight(energy[i] + stop);
+                        }
+                    }
+                    let total = &mut total[l * w + o.from..][..n];
+                    let var = o.taps(variance.row(o.qy, l));
+                    let sum = &mut out_variance[l * w + o.from..][..n];
+                    for i in 0..n {
+                        total[i] += weights[i];
+                        sum[i] += weights[i] * weights[i] * var[i];
+                    }
+                    for c in 3 * slot.first..3 * (slot.first + slot.planes) {
+                        let colour = o.taps(colours.row(o.qy, c));
+                        let sum = &mut out[c * w + o.from..][..n];
+                        for i in 0..n {
+                            sum[i] += weights[i] * colour[i];
+                        }
+                    }
+                }
+            }
+        }
+        for &l in active {
+            let slot = &member.slots[l];
+            for x in 0..w {
+                let scale = 1.0 / total[l * w + x];
+                out_variance[l * w + x] *= scale * scale;
+                for c in 3 * slot.first..3 * (slot.first + slot.planes) {
+                    out[c * w + x] *= scale;
+                }
+            }
+        }
+    });
+    (next, next_variance)
+}
