@@ -6,6 +6,8 @@
 //! image/       any flat EXR file: windows, parts, channels, attributes; read, and written back
 //! exr_file.rs  channels and attributes of an EXR file; knows no role
 //! sequence/    files, folders and patterns to frames with their files
+//! adapt/       from passes to frames of the filter, and from filtered light back to passes that add up
+//! motion/      what motion vectors mean, and how to find out
 //! roles/       what the passes of any program's file are: the alias table, the mapping and its reasons
 //! channels.rs  the one table of quell's own channel names and what they mean
 //! metadata.rs  header attributes: cameras, frame, sampling, version, settings
@@ -33,6 +35,39 @@
 //! # Ok::<(), quell_frames::Error>(())
 //! ```
 
+//!
+//! Files of other programs, from finding them to writing them back (`filter` stands for the filter):
+//!
+//! ```no_run
+//! use quell_frames::{AdaptOptions, Adapter, ImageWriteOptions, Links, MapOptions, find_sequence};
+//! # fn filter(f: &quell::sequence::SequenceFrame) -> Vec<quell::Plane<quell::Rgb>> { Vec::new() }
+//!
+//! let sequence = find_sequence(&["shot.####.exr".into()])?;
+//! let headers = sequence.frames[0].read_headers()?;
+//! let named: Vec<_> = sequence.frames[0].named(&headers);
+//! for mapping in quell_frames::map_roles(&named, &MapOptions::default())? {
+//!     // Headers of all frames tell the canvas; pixels of two frames tell sums, encodings and vectors.
+//!     let canvas = headers.iter().map(|i| i.full_window()).reduce(|a, b| a.union(b)).unwrap();
+//!     let [first, second] = [0, 1].map(|n| sequence.frames[n].read(&mapping));
+//!     let adapter = Adapter::new(mapping.clone(), canvas, &first?, Some(&second?), &AdaptOptions::default())?;
+//!     let mut links = Links::default();
+//!     for sources in &sequence.frames {
+//!         let mut images = sources.read(&mapping)?;
+//!         let made = adapter.frame(sources.number, &images, &mut links)?;
+//!         images.iter_mut().for_each(|image| image.forget()); // while the frame waits; read again below
+//!         let lights = filter(&made.frame); // without weight, in the order of `made.frame.lights`
+//!         adapter.write_back(&mut images, &made.frame, &lights, None)?;
+//!         adapter.sign(&mut images, "[sequence]")?;
+//!         for image in &images {
+//!             let name = image.path().file_name().unwrap();
+//!             image.write(&std::path::Path::new("clean").join(name), &ImageWriteOptions::default())?;
+//!         }
+//!     }
+//! }
+//! # Ok::<(), quell_frames::Error>(())
+//! ```
+
+pub mod adapt;
 pub mod channels;
 pub mod driver;
 pub mod error;
@@ -41,10 +76,12 @@ pub mod files;
 pub mod frame_file;
 pub mod image;
 pub mod metadata;
+pub mod motion;
 mod picture;
 pub mod roles;
 pub mod sequence;
 
+pub use adapt::{AdaptOptions, Adapted, Adapter, Links, MotionChoice};
 pub use error::Error;
 pub use files::{find_frames, frame_path};
 pub use frame_file::{

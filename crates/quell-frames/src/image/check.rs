@@ -1,9 +1,10 @@
 //! What a header may claim, checked against the file's length before anything of the claimed size is allocated.
 
 use crate::error::Error;
+use exr::block::chunk::{Chunk, CompressedBlock};
 use exr::meta::header::Header;
 use exr::meta::{BlockDescription, MetaData};
-use exr::prelude::Vec2;
+use exr::prelude::{Compression, Vec2};
 use std::collections::HashSet;
 use std::path::Path;
 
@@ -89,6 +90,34 @@ fn one(path: &Path, part: &str, header: &Header) -> Result<(), Error> {
         if width == 0 || height == 0 || width > limit || height > limit {
             return Err(Error::invalid(path, format!("{part}tiles of {width}x{height} pixels")));
         }
+    }
+    Ok(())
+}
+
+/// Refuses a block of DWA whose own header claims more than the block's pixels can need: exr 1.74.2 allocates what it
+/// reads there. The header is eleven counters of eight bytes; the second to the tenth are sizes and counts.
+pub(super) fn block(chunk: &Chunk, meta: &MetaData) -> exr::error::Result<()> {
+    let invalid = || exr::error::Error::Invalid("a block claims more than its pixels need".into());
+    let header = meta.headers.get(chunk.layer_index).ok_or_else(invalid)?;
+    let (Compression::DWAA(_) | Compression::DWAB(_)) = header.compression else { return Ok(()) };
+    let bytes = match &chunk.compressed_block {
+        CompressedBlock::ScanLine(block) => &block.compressed_pixels_le,
+        CompressedBlock::Tile(block) => &block.compressed_pixels_le,
+        _ => return Err(invalid()),
+    };
+    let place = header.get_block_data_indices(&chunk.compressed_block)?;
+    let size = header.get_absolute_block_pixel_coordinates(place)?.size;
+    let bytes_per_pixel = header.channels.bytes_per_pixel as u64;
+    let (width, height) = (size.width() as u64, size.height() as u64);
+    if bytes.len() as u64 == width * height * bytes_per_pixel {
+        // Stored as it is.
+        return Ok(());
+    }
+    // Transformed in squares of 8x8, so borders round up; rules and lengths of runs come on top.
+    let most = 4096 + 2 * (width + 8) * (height + 8) * bytes_per_pixel;
+    let counters = bytes.as_chunks::<8>().0.iter().take(10).skip(1);
+    if counters.map(|counter| u64::from_le_bytes(*counter)).any(|counter| counter > most) {
+        return Err(invalid());
     }
     Ok(())
 }

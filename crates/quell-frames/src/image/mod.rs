@@ -216,11 +216,18 @@ impl Channel {
 /// One part of a file: channels of one extent.
 #[derive(Clone, Debug)]
 pub struct Part {
+    /// Its place in the file.
+    index: usize,
     header: Header,
     channels: Vec<Channel>,
 }
 
 impl Part {
+    /// Its place in the file, from 0.
+    pub const fn index(&self) -> usize {
+        self.index
+    }
+
     /// The part's name; empty where it has none.
     pub fn name(&self) -> String {
         self.header.own_attributes.layer_name.as_ref().map_or_else(String::new, string)

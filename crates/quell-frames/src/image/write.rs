@@ -116,7 +116,7 @@ impl ExrImage {
         {
             loaded.extend(self.parts.iter().enumerate().map(|(i, p)| {
                 let channels = if i == index { p.channels.clone() } else { Vec::new() };
-                Part { header: p.header.clone(), channels }
+                Part { index: i, header: p.header.clone(), channels }
             }));
             source.fill(&mut loaded, &|_, channel| channel.samples.is_none()).map_err(Failure::Ours)?;
             part = loaded.get(index).unwrap_or(part);

@@ -64,7 +64,7 @@ pub struct Mapping {
 }
 
 impl Mapping {
-    /// The pass of a role; of repeated roles the first.
+    /// The pass of a role; of repeated roles the first, of several beauties the one that is read.
     pub fn get(&self, role: Role) -> Option<&Mapped> {
         self.passes.iter().find(|pass| pass.role == role)
     }
@@ -286,7 +286,12 @@ fn one_layer(
                     );
                     return Err(Error::invalid(path, reason));
                 }
-                if rank > f.rank {
+                if f.role == Role::Beauty {
+                    // Both are the picture (Blender's own denoised `Combined` beside `Noisy Image`): the better one is
+                    // read, and both are written.
+                    let better = if rank > f.rank { at } else { chosen.len() };
+                    chosen.insert(better, (mapped, f.rank));
+                } else if rank > f.rank {
                     others.push(std::mem::replace(&mut chosen[at], (mapped, f.rank)).0.name);
                 } else {
                     others.push(mapped.name);

@@ -4,6 +4,8 @@ mod names;
 mod passes;
 
 use crate::error::Error;
+use crate::image::ExrImage;
+use crate::roles::Mapping;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
@@ -23,6 +25,31 @@ pub struct FrameSources {
     pub number: i64,
     /// Its files, in the same order in every frame.
     pub files: Vec<FrameSource>,
+}
+
+impl FrameSources {
+    /// Reads what the frame's files hold, without samples.
+    ///
+    /// # Errors
+    /// As [`crate::read_headers`].
+    pub fn read_headers(&self) -> Result<Vec<ExrImage>, Error> {
+        self.files.iter().map(|file| crate::image::read_headers(&file.path)).collect()
+    }
+
+    /// Reads the channels of the frame's files that a mapping needs.
+    ///
+    /// # Errors
+    /// As [`crate::read_headers`].
+    pub fn read(&self, mapping: &Mapping) -> Result<Vec<ExrImage>, Error> {
+        let read =
+            |(i, file): (usize, &FrameSource)| crate::image::read_channels(&file.path, crate::adapt::reads(mapping, i));
+        self.files.iter().enumerate().map(read).collect()
+    }
+
+    /// Images with the pass that their file's name tells, as [`crate::map_roles`] takes them.
+    pub fn named<'i>(&self, images: &'i [ExrImage]) -> Vec<(String, &'i ExrImage)> {
+        self.files.iter().map(|file| file.pass.clone()).zip(images).collect()
+    }
 }
 
 /// A sequence, sorted by frame number.

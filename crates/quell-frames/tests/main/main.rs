@@ -1,7 +1,9 @@
 //! One test binary.
 
+mod adapt;
 mod aov;
 mod frames;
+mod replay;
 mod rewrite;
 mod roles;
 mod sequences;

@@ -1,0 +1,174 @@
+//! Filtered light back into the file's passes, by the renderer's own rule, so that they add up.
+
+use super::lights::{NO_GROUP, REST};
+use super::planes::{colour, one, scatter};
+use super::{Adapter, Error};
+use crate::image::ExrImage;
+use crate::roles::{Mapped, Role};
+use quell::sequence::{Light, SequenceFrame};
+use quell::{Plane, Rgb};
+use rayon::prelude::*;
+
+/// What was put into the images.
+#[derive(Clone, Debug, PartialEq, Eq, Default)]
+pub struct WriteBack {
+    /// Passes that were filtered.
+    pub filtered: Vec<String>,
+    /// Light groups that were filtered and scaled to the filtered beauty.
+    pub normalised: Vec<String>,
+    /// Values beyond the largest half float, stored as that.
+    pub clamped_to_half: usize,
+}
+
+impl Adapter {
+    /// Replaces every filtered pass in `images`, and the beauty by their sum *as stored*: what is written adds up
+    /// within the rounding of the beauty alone. Everything else stays as it is.
+    ///
+    /// `lights` are the filtered planes without weight, in the order of `frame.lights`; `alpha` the filtered coverage,
+    /// where it is to be written. Channels for which [`Adapter::reads`] is true and that were forgotten are read again.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] where planes and frame do not belong together or a file has changed meanwhile.
+    pub fn write_back(
+        &self,
+        images: &mut [ExrImage],
+        frame: &SequenceFrame,
+        lights: &[Plane<Rgb>],
+        alpha: Option<&Plane<f32>>,
+    ) -> Result<WriteBack, Error> {
+        let size = self.canvas.size;
+        let path = images.first().map_or_else(std::path::PathBuf::new, |image| image.path().to_owned());
+        if lights.len() != frame.lights.len() || lights.iter().any(|plane| plane.size() != size) || frame.size != size {
+            let reason = format!("{} filtered planes do not belong to {} lights", lights.len(), frame.lights.len());
+            return Err(Error::invalid(&path, reason));
+        }
+        for (file, image) in images.iter_mut().enumerate() {
+            image.load(self.reads(file))?;
+        }
+        let mut report = WriteBack::default();
+        let mut beauty = Plane::filled(size, [0.0; 3]);
+        for (light, plane) in frame.lights.iter().zip(lights).filter(|(light, _)| light.in_beauty) {
+            let pass = self.mapping.passes.iter().find(|p| p.role.light().is_some() && p.name == light.name);
+            match pass.filter(|_| self.rule.factored && light.name != REST) {
+                // The rest, or a beauty from which nothing could be told apart.
+                None => add(&mut beauty, plane, light.weight.as_ref()),
+                Some(pass) if self.rule.colour_inside => {
+                    let mut stored = product(plane, light);
+                    report.clamped_to_half += scatter(images, pass, self.canvas, &mut stored)?;
+                    report.filtered.push(pass.name.clone());
+                    add(&mut beauty, &stored, None);
+                }
+                Some(pass) => {
+                    let mut stored = plane.clone();
+                    report.clamped_to_half += scatter(images, pass, self.canvas, &mut stored)?;
+                    report.filtered.push(pass.name.clone());
+                    add(&mut beauty, &stored, light.weight.as_ref());
+                }
+            }
+        }
+        self.groups(images, frame, lights, &beauty, &mut report)?;
+        for pass in self.mapping.all(Role::Beauty) {
+            let mut stored = beauty.clone();
+            report.clamped_to_half += scatter(images, pass, self.canvas, &mut stored)?;
+            report.filtered.push(pass.name.clone());
+            if let (Some(id), Some(alpha)) = (pass.alpha, alpha.filter(|alpha| alpha.size() == size)) {
+                let values = alpha.data().iter().map(|a| [*a]).collect();
+                let mut plane =
+                    Plane::from_vec(size, values).map_err(|source| Error::Frame { path: path.clone(), source })?;
+                report.clamped_to_half += one(images, id, self.canvas, &mut plane, 0)?;
+            }
+        }
+        Ok(report)
+    }
+
+    /// Groups mix lobes: each is filtered, and all are scaled in each pixel to the filtered beauty.
+    fn groups(
+        &self,
+        images: &mut [ExrImage],
+        frame: &SequenceFrame,
+        lights: &[Plane<Rgb>],
+        beauty: &Plane<Rgb>,
+        report: &mut WriteBack,
+    ) -> Result<(), Error> {
+        let groups: Vec<(&Light, Plane<Rgb>)> = frame
+            .lights
+            .iter()
+            .zip(lights)
+            .filter(|(light, _)| !light.in_beauty)
+            .map(|(light, plane)| (light, product(plane, light)))
+            .collect();
+        let mut sum = Plane::filled(self.canvas.size, [0.0; 3]);
+        for (_, plane) in &groups {
+            add(&mut sum, plane, None);
+        }
+        let passes: Vec<&Mapped> = self.mapping.all(Role::LightGroup).collect();
+        for (light, mut plane) in groups {
+            let Some(pass) = passes.iter().find(|pass| pass.name == light.name && light.name != NO_GROUP) else {
+                continue;
+            };
+            for (i, value) in plane.data_mut().iter_mut().enumerate() {
+                let (Some(sum), Some(beauty)) = (sum.data().get(i), beauty.data().get(i)) else { continue };
+                for c in 0..3 {
+                    // No light in any group: none to scale.
+                    let scale = if sum[c].abs() > 1e-12 { beauty[c] / sum[c] } else { 1.0 };
+                    value[c] *= scale;
+                }
+            }
+            report.clamped_to_half += scatter(images, pass, self.canvas, &mut plane)?;
+            report.normalised.push(pass.name.clone());
+        }
+        Ok(())
+    }
+
+    /// Puts `quell.version`, `quell.settings` and `quell.mapping` into the first file's header and version into all.
+    ///
+    /// # Errors
+    /// [`Error::NotSupported`] for texts with a zero character.
+    pub fn sign(&self, images: &mut [ExrImage], settings: &str) -> Result<(), Error> {
+        for image in images {
+            image.set_text("quell.version", env!("CARGO_PKG_VERSION"))?;
+            image.set_text("quell.content", "denoised")?;
+            image.set_text("quell.settings", settings)?;
+            image.set_text("quell.mapping", &self.describe())?;
+        }
+        Ok(())
+    }
+
+    /// The sum of the passes as the files hold them, by the renderer's own rule: what [`Adapter::write_back`] makes
+    /// the beauty of. For tests and for `doctor`.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] where a channel was not read.
+    pub fn sum_of_passes(&self, images: &[ExrImage]) -> Result<Plane<Rgb>, Error> {
+        let mut sum = Plane::filled(self.canvas.size, [0.0; 3]);
+        for light in super::lights::make(&self.mapping, &self.rule, self.canvas, images)? {
+            let pass = self.mapping.passes.iter().find(|p| p.role.light().is_some() && p.name == light.name);
+            let Some(pass) = pass.filter(|_| light.in_beauty) else { continue };
+            let weight = if self.rule.colour_inside { None } else { light.weight.as_ref() };
+            add(&mut sum, &colour(images, pass, self.canvas)?, weight);
+        }
+        Ok(sum)
+    }
+}
+
+fn product(plane: &Plane<Rgb>, light: &Light) -> Plane<Rgb> {
+    let mut product = plane.clone();
+    if let Some(weight) = &light.weight {
+        product.data_mut().par_iter_mut().zip(weight.data().par_iter()).for_each(|(value, weight)| {
+            for c in 0..3 {
+                value[c] *= weight[c];
+            }
+        });
+    }
+    product
+}
+
+fn add(sum: &mut Plane<Rgb>, plane: &Plane<Rgb>, weight: Option<&Plane<Rgb>>) {
+    let values = sum.data_mut().par_iter_mut().zip(plane.data().par_iter()).enumerate();
+    values.for_each(|(i, (sum, value))| {
+        let weight = weight.and_then(|w| w.data().get(i)).copied().unwrap_or([1.0; 3]);
+        for c in 0..3 {
+            sum[c] += value[c] * weight[c];
+        }
+    });
+}

@@ -1,0 +1,393 @@
+//! Guides turned to the contract: depth along the axis, world normals on the viewer's side, motion in pixels.
+
+use super::camera::PixelCamera;
+use super::lights::surface_colour;
+use super::noise::Trace;
+use super::planes::{gather, single};
+use super::{Adapter, Error, MotionPlanes};
+use crate::image::{AttributeValue, ExrImage, Window};
+use crate::motion::{Direction, MotionConvention};
+use crate::roles::{DepthKind, Mapped, Mapping, Role, Space};
+use quell::sequence::SequenceFrame;
+use quell::{Plane, Size};
+use rayon::prelude::*;
+
+/// Depths from here on are the background: Blender writes 1e10, Arnold 1e30.
+const FAR: f32 = 1e9;
+/// The same in half floats, which end at 65504.
+const FAR_HALF: f32 = 65504.0;
+
+/// Cameras from matrices that miss positions by more than this many pixels in the median are of something else.
+const CAMERA_FITS_PX: f64 = 1.0;
+
+/// What the first frame tells of how guides are stored.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) struct Encodings {
+    /// Normals lie in 0..1 instead of -1..1.
+    normal_unsigned: bool,
+    seen_unsigned: bool,
+}
+
+impl Encodings {
+    pub fn find(mapping: &Mapping, canvas: Window, images: &[ExrImage]) -> Result<Self, Error> {
+        let unsigned = |role| -> Result<bool, Error> {
+            let Some(pass) = mapping.get(role) else { return Ok(false) };
+            let plane = gather(images, &pass.channels, canvas, [0.0; 3])?;
+            let (mut outside, mut folded, mut plain, mut count) = (0, 0, 0, 0);
+            for n in plane.data().iter().filter(|n| **n != [0.0; 3]) {
+                count += 1;
+                outside += usize::from(n.iter().any(|v| !(-1e-3..=1.0 + 1e-3).contains(v)));
+                folded += usize::from((length(n.map(|v| 2.0 * v - 1.0)) - 1.0).abs() < 0.06);
+                plain += usize::from((length(*n) - 1.0).abs() < 0.06);
+            }
+            Ok(count > 0 && outside == 0 && folded * 10 > count * 7 && folded > plain)
+        };
+        Ok(Self { normal_unsigned: unsigned(Role::Normal)?, seen_unsigned: unsigned(Role::SeenNormal)? })
+    }
+}
+
+/// Fills the guides of a frame; returns its camera where the file tells one.
+pub(super) fn fill(
+    adapter: &Adapter,
+    frame: &mut SequenceFrame,
+    images: &[ExrImage],
+    notes: &mut Vec<String>,
+) -> Result<Option<PixelCamera>, Error> {
+    let (mapping, canvas) = (&adapter.mapping, adapter.canvas);
+    let renderer = &mapping.renderer;
+    frame.depth = depth(mapping, canvas, images)?;
+    let position = mapping.get(Role::Position);
+    let position = position.map(|p| gather(images, &p.channels, canvas, [0.0; 3])).transpose()?;
+    let surface = |depth: Option<&Plane<f32>>, position: &Plane<[f32; 3]>, i: usize| {
+        let here = position.data().get(i).is_some_and(|p| *p != [0.0; 3] && p.iter().all(|v| v.is_finite()));
+        here && depth.is_none_or(|d| d.data().get(i).is_some_and(|d| d.is_finite()))
+    };
+    let world = position.as_ref().filter(|_| renderer.position == Space::World);
+    let mut camera = from_header(images, canvas);
+    if let (Some(found), Some(world)) = (&mut camera, world) {
+        let residual = found.residual(world, |i| surface(frame.depth.as_ref(), world, i));
+        found.residual_px = residual.unwrap_or(0.0);
+        if found.residual_px > CAMERA_FITS_PX {
+            notes.push(format!(
+                "the header's camera misses the positions by {:.1} px; it is not used",
+                found.residual_px
+            ));
+            camera = None;
+        }
+    }
+    if let (None, Some(world)) = (&camera, world) {
+        camera = PixelCamera::solve(world, |i| surface(frame.depth.as_ref(), world, i));
+        match &mut camera {
+            Some(found) if found.residual_px <= CAMERA_FITS_PX => {}
+            Some(found) => {
+                let off = found.residual_px;
+                notes.push(format!("no camera explains the positions ({off:.1} px off); are they in world space?"));
+                camera = None;
+            }
+            None => notes.push("the positions do not tell one camera".to_owned()),
+        }
+    }
+    planar(frame, renderer.depth, camera.as_ref(), notes);
+    if frame.depth.is_none()
+        && let Some(position) = &position
+    {
+        // Camera space tells depth directly; world space through the camera.
+        let depth_of = |p: [f32; 3]| match renderer.position {
+            Space::World => camera.as_ref().map_or(f32::NAN, |c| c.depth(p)),
+            Space::Camera => -p[2],
+            Space::CameraForward => p[2],
+        };
+        let values = position.data().par_iter().map(|p| {
+            let depth = if *p == [0.0; 3] { f32::INFINITY } else { depth_of(*p) };
+            if depth > 0.0 { depth } else { f32::INFINITY }
+        });
+        let values: Vec<f32> = values.collect();
+        if values.iter().any(|v| v.is_finite()) {
+            frame.depth = Plane::from_vec(canvas.size, values).ok();
+        }
+    }
+    frame.position = position.filter(|_| renderer.position == Space::World);
+    let normal = |role, space, unsigned| -> Result<_, Error> {
+        let Some(pass) = mapping.get(role) else { return Ok(None) };
+        let mut plane = gather(images, &pass.channels, canvas, [0.0; 3])?;
+        to_world(&mut plane, space, unsigned, camera.as_ref());
+        Ok(Some(plane))
+    };
+    frame.normal = normal(Role::Normal, renderer.normal, adapter.guides.normal_unsigned)?;
+    frame.seen_normal = normal(Role::SeenNormal, renderer.seen_normal, adapter.guides.seen_unsigned)?;
+    frame.albedo = match (mapping.get(Role::Albedo).is_some(), mapping.get(Role::MatteColour).is_some()) {
+        (false, false) => None,
+        _ => surface_colour(mapping, canvas, images)?,
+    };
+    if let Some(albedo) = &mut frame.albedo {
+        for value in albedo.data_mut() {
+            *value = value.map(|v| if v.is_finite() { v.max(0.0) } else { 0.0 });
+        }
+    }
+    let seen = mapping.get(Role::SeenAlbedo);
+    frame.seen_albedo = seen.map(|p| gather(images, &p.channels, canvas, [0.0; 3])).transpose()?;
+    let one = |pass: &Mapped, outside| pass.channels.first().map(|id| single(images, *id, canvas, outside)).transpose();
+    if let Some(pass) = mapping.get(Role::Roughness) {
+        frame.roughness = one(pass, 1.0)?;
+    }
+    let alpha = mapping.get(Role::Beauty).and_then(|pass| pass.alpha);
+    let alpha = alpha.or_else(|| mapping.get(Role::Alpha).and_then(|pass| pass.channels.first().copied()));
+    frame.alpha = alpha.map(|id| single(images, id, canvas, 0.0)).transpose()?;
+    frame.variance = variance(mapping, canvas, images)?;
+    Ok(camera)
+}
+
+fn depth(mapping: &Mapping, canvas: Window, images: &[ExrImage]) -> Result<Option<Plane<f32>>, Error> {
+    let Some((pass, id)) = mapping.get(Role::Depth).and_then(|pass| Some((pass, *pass.channels.first()?))) else {
+        return Ok(None);
+    };
+    let half = images
+        .get(id.file)
+        .and_then(|image| image.samples(id.part, id.channel))
+        .is_some_and(|samples| samples.kind() == crate::image::SampleKind::Half);
+    let far = if half { FAR_HALF } else { FAR };
+    let inverse = mapping.renderer.depth == DepthKind::Inverse && pass.why != "asked for";
+    let mut plane = single(images, id, canvas, if inverse { 0.0 } else { f32::INFINITY })?;
+    plane.data_mut().par_iter_mut().for_each(|value| {
+        let depth = if inverse { 1.0 / *value } else { *value };
+        // Renderers write 0, a number beyond all scenes, or an infinity where there is no surface.
+        *value = if depth > 0.0 && depth < far { depth } else { f32::INFINITY };
+    });
+    Ok(Some(plane))
+}
+
+/// Distance along the ray to distance along the axis.
+fn planar(frame: &mut SequenceFrame, kind: DepthKind, camera: Option<&PixelCamera>, notes: &mut Vec<String>) {
+    let (DepthKind::Ray, Some(depth)) = (kind, &mut frame.depth) else { return };
+    let Some(camera) = camera else {
+        notes.push("depth is the distance along the ray; without a camera it is used as it is".to_owned());
+        return;
+    };
+    let width = frame.size.width;
+    depth.data_mut().par_iter_mut().enumerate().for_each(|(i, depth)| {
+        let ray = camera.direction((i % width) as f32 + 0.5, (i / width) as f32 + 0.5);
+        *depth /= length(ray).max(1e-6);
+    });
+}
+
+/// Normals to -1..1, to world space where a camera is known, to the viewer's side.
+fn to_world(plane: &mut Plane<[f32; 3]>, space: Space, unsigned: bool, camera: Option<&PixelCamera>) {
+    let width = plane.size().width;
+    plane.data_mut().par_iter_mut().enumerate().for_each(|(i, normal)| {
+        if *normal == [0.0; 3] {
+            return;
+        }
+        if unsigned {
+            *normal = normal.map(|v| 2.0 * v - 1.0);
+        }
+        if !normal.iter().all(|v| v.is_finite()) {
+            *normal = [0.0; 3];
+            return;
+        }
+        if space == Space::Camera {
+            normal[2] = -normal[2];
+        }
+        let Some(camera) = camera else {
+            return;
+        };
+        if space != Space::World {
+            *normal = camera.world_from_camera(*normal);
+        }
+        let ray = camera.direction((i % width) as f32 + 0.5, (i / width) as f32 + 0.5);
+        let along: f32 = (0..3).map(|c| normal[c] * ray[c]).sum();
+        // Shading normals may lean away from the viewer a little at silhouettes; those that face away are turned.
+        if along > 0.3 * length(*normal) * length(ray) {
+            *normal = normal.map(|v| -v);
+        }
+    });
+}
+
+fn variance(mapping: &Mapping, canvas: Window, images: &[ExrImage]) -> Result<Option<Plane<f32>>, Error> {
+    // Rec. 709 luminance. Channels of a path vary together, so deviations add.
+    const LUMINANCE: [f32; 3] = [0.2126, 0.7152, 0.0722];
+    if let Some(pass) = mapping.get(Role::Variance) {
+        let plane = gather(images, &pass.channels, canvas, [0.0; 3])?;
+        let values = plane.data().par_iter().map(|v| {
+            let deviation: f32 = (0..3).map(|c| LUMINANCE[c] * v[c].max(0.0).sqrt()).sum();
+            deviation * deviation
+        });
+        return Ok(Plane::from_vec(canvas.size, values.collect()).ok());
+    }
+    let (Some(a), Some(b)) = (mapping.get(Role::HalfA), mapping.get(Role::HalfB)) else { return Ok(None) };
+    let [a, b] = [a, b].map(|p| gather(images, &p.channels, canvas, [0.0; 3]));
+    let (a, b) = (a?, b?);
+    let difference: Vec<f32> = a
+        .data()
+        .par_iter()
+        .zip(b.data().par_iter())
+        .map(|(a, b)| {
+            let d: f32 = (0..3).map(|c| LUMINANCE[c] * (a[c] - b[c])).sum();
+            // Each half has twice the variance of the mean; their difference four times.
+            d * d * 0.25
+        })
+        .collect();
+    // One sample of a variance says little: the mean over 5x5 pixels.
+    let Size { width, height } = canvas.size;
+    let mean = (0..width * height).into_par_iter().map(|i| {
+        let (x, y) = (i % width, i / width);
+        let (mut sum, mut count) = (0.0, 0.0);
+        for v in y.saturating_sub(2)..(y + 3).min(height) {
+            for u in x.saturating_sub(2)..(x + 3).min(width) {
+                sum += difference[v * width + u];
+                count += 1.0;
+            }
+        }
+        sum / count
+    });
+    Ok(Plane::from_vec(canvas.size, mean.collect()).ok())
+}
+
+/// A camera from header matrices: quell's own, or the standard `worldToNDC`.
+fn from_header(images: &[ExrImage], canvas: Window) -> Option<PixelCamera> {
+    for name in ["quell.clip_from_world", "worldToNDC"] {
+        for image in images {
+            for part in image.parts() {
+                for (found, value) in part.attributes() {
+                    if let (true, AttributeValue::Matrix4x4(m)) = (found == name, value) {
+                        let display = image.display_window();
+                        let camera = PixelCamera::from_clip(&m, display.size)?;
+                        let shift = |a: i32, b: i32| f64::from(a) - f64::from(b);
+                        return Some(camera.shifted(shift(display.x, canvas.x), shift(display.y, canvas.y)));
+                    }
+                }
+            }
+        }
+    }
+    None
+}
+
+/// The vectors of a frame, and what `--motion auto` compares.
+pub(super) fn for_motion(adapter: &Adapter, images: &[ExrImage], role: Role) -> Result<MotionPlanes, Error> {
+    let mut frame = SequenceFrame::new(0, adapter.canvas.size);
+    fill(adapter, &mut frame, images, &mut Vec::new())?;
+    let channels = adapter.mapping.get(role).map_or(&[][..], |pass| &pass.channels);
+    Ok(MotionPlanes {
+        vectors: gather(images, channels, adapter.canvas, [f32::NAN; 2])?,
+        position: frame.position,
+        depth: frame.depth,
+        normal: frame.normal,
+        albedo: frame.albedo,
+    })
+}
+
+/// Fills the motion of a frame.
+pub(super) fn motion(
+    adapter: &Adapter,
+    frame: &mut SequenceFrame,
+    images: &[ExrImage],
+    camera: Option<&PixelCamera>,
+    last: Option<&Trace>,
+    notes: &mut Vec<String>,
+) -> Result<(), Error> {
+    let mut planes: [Option<Plane<[f32; 2]>>; 2] = [None, None];
+    let display = images.first().map_or(adapter.canvas.size, |image| image.display_window().size);
+    let slot = |c: &MotionConvention| usize::from(c.direction == Direction::Next);
+    if let Some(conventions) = adapter.vectors {
+        let mapping = &adapter.mapping;
+        let mut read = |channels: &[crate::roles::ChannelId], convention: &MotionConvention| -> Result<(), Error> {
+            let mut plane = gather(images, channels, adapter.canvas, [f32::NAN; 2])?;
+            plane.data_mut().par_iter_mut().for_each(|v| *v = convention.offset(*v, display));
+            planes[slot(convention)] = Some(plane);
+            Ok(())
+        };
+        if let Some(pass) = mapping.get(Role::Motion) {
+            let pairs = pass.channels.chunks_exact(2).zip(&conventions);
+            // Three numbers are a vector in space whose third is not for the picture.
+            let pairs = pairs.take(if pass.channels.len() == 4 { 2 } else { 1 });
+            for (channels, convention) in pairs {
+                read(channels, convention)?;
+            }
+        }
+        for (role, direction) in [(Role::MotionPrevious, Direction::Previous), (Role::MotionNext, Direction::Next)] {
+            let convention = conventions.iter().find(|c| c.direction == direction);
+            if let (Some(pass), Some(convention)) = (mapping.get(role), convention) {
+                read(pass.channels.get(..2).unwrap_or(&pass.channels), convention)?;
+            }
+        }
+    }
+    let zero = |plane: &Plane<[f32; 2]>| plane.data().iter().all(|v| v.iter().all(|v| *v == 0.0 || !v.is_finite()));
+    if planes.iter().flatten().all(zero)
+        && planes.iter().any(Option::is_some)
+        && last.is_some_and(|last| last.guides_changed(frame))
+    {
+        planes = [None, None];
+        notes.push(format!(
+            "frame {}: the motion vectors are zero everywhere, though the picture moves: they count as missing (Blender \
+             writes such when motion blur is on)",
+            frame.number
+        ));
+    }
+    let before = last.and_then(|last| last.camera.as_ref());
+    let [mut previous, mut next] = planes;
+    if previous.is_none() && next.is_none() {
+        previous = from_cameras(frame, camera, before);
+    }
+    let width = frame.size.width;
+    let depth = frame.depth.as_ref();
+    for (plane, other) in [(&mut previous, before), (&mut next, None)] {
+        let Some(plane) = plane else { continue };
+        plane.data_mut().par_iter_mut().enumerate().for_each(|(i, v)| {
+            let background = depth.and_then(|d| d.data().get(i)).is_some_and(|d| d.is_infinite());
+            if background && *v == [0.0; 2] {
+                let at = [(i % width) as f32 + 0.5, (i / width) as f32 + 0.5];
+                *v = match (camera, other) {
+                    (Some(camera), Some(other)) => {
+                        let there = other.pixel_of_direction(camera.direction(at[0], at[1]));
+                        [there[0] - at[0], there[1] - at[1]]
+                    }
+                    _ => [f32::NAN; 2],
+                };
+            } else if !v.iter().all(|v| v.is_finite()) {
+                *v = [f32::NAN; 2];
+            }
+        });
+    }
+    frame.motion_to_previous = previous;
+    frame.motion_to_next = next;
+    Ok(())
+}
+
+/// Motion of a scene that stands still, from two cameras.
+fn from_cameras(
+    frame: &SequenceFrame,
+    camera: Option<&PixelCamera>,
+    before: Option<&PixelCamera>,
+) -> Option<Plane<[f32; 2]>> {
+    let (camera, before) = (camera?, before?);
+    let (position, depth) = (frame.position.as_ref(), frame.depth.as_ref());
+    if position.is_none() && depth.is_none() {
+        return None;
+    }
+    let width = frame.size.width;
+    let values = (0..frame.size.pixels()).into_par_iter().map(|i| {
+        let at = [(i % width) as f32 + 0.5, (i / width) as f32 + 0.5];
+        let ray = camera.direction(at[0], at[1]);
+        let far = depth.and_then(|d| d.data().get(i)).copied().unwrap_or(f32::INFINITY);
+        let world = match position.and_then(|p| p.data().get(i)) {
+            Some(p) if *p != [0.0; 3] && (depth.is_none() || far.is_finite()) => Some((*p, camera.pixel(*p))),
+            _ if far.is_finite() => {
+                let p = std::array::from_fn(|c| camera.eye[c] + ray[c] * far);
+                Some((p, at))
+            }
+            _ => None,
+        };
+        // A position that is a mean over samples lies beside the pixel's centre: the difference of both projections is
+        // what moves.
+        let (there, here) = match world {
+            Some((p, here)) => (before.pixel(p), here),
+            None => (before.pixel_of_direction(ray), at),
+        };
+        let v = [there[0] - here[0], there[1] - here[1]];
+        if v.iter().all(|v| v.is_finite()) { v } else { [f32::NAN; 2] }
+    });
+    Plane::from_vec(frame.size, values.collect()).ok()
+}
+
+fn length(v: [f32; 3]) -> f32 {
+    (v[0] * v[0] + v[1] * v[1] + v[2] * v[2]).sqrt()
+}

@@ -1,0 +1,291 @@
+//! From a file's passes to a frame of the filter, and from filtered light back to the file's passes.
+//!
+//! [`Adapter::new`] decides on the first frame what can be told from pixels (does the colour lie inside the light
+//! passes, do they add up, how are normals encoded, what do vectors mean). [`Adapter::frame`] makes a
+//! [`SequenceFrame`]; [`Adapter::write_back`] puts filtered light into the images.
+
+mod back;
+mod camera;
+mod guides;
+mod lights;
+mod noise;
+mod planes;
+
+pub use back::WriteBack;
+pub use camera::PixelCamera;
+pub use lights::SumRule;
+
+use crate::error::Error;
+use crate::image::{Channel, ExrImage, Part, Window};
+use crate::motion::{MotionConvention, MotionGuides, find_motion};
+use crate::roles::{ChannelId, Mapping, Role};
+use quell::sequence::SequenceFrame;
+use quell::{Plane, Rgb};
+use std::collections::BTreeSet;
+
+/// What to make of vectors.
+#[derive(Clone, Debug, PartialEq, Eq, Default)]
+pub enum MotionChoice {
+    /// The renderer's preset where it is known, else [`MotionChoice::Auto`].
+    #[default]
+    Renderer,
+    /// Every convention is tried on two frames.
+    Auto,
+    /// A preset by name ([`MotionConvention::PRESETS`]).
+    Preset(String),
+    /// No vectors: motion comes from cameras where positions tell them, else there is none.
+    None,
+}
+
+/// What the user may choose.
+#[derive(Clone, Debug, PartialEq, Default)]
+pub struct AdaptOptions {
+    /// What vectors mean.
+    pub motion: MotionChoice,
+    /// Only the beauty is filtered and written; light passes go through untouched.
+    pub beauty_only: bool,
+}
+
+/// How one view layer's files become frames and come back.
+#[derive(Clone, Debug)]
+pub struct Adapter {
+    mapping: Mapping,
+    canvas: Window,
+    rule: SumRule,
+    vectors: Option<[MotionConvention; 2]>,
+    guides: guides::Encodings,
+    notes: Vec<String>,
+    warnings: Vec<String>,
+}
+
+/// What a frame needs to know of its predecessor. Frames come in order; after a gap begin with a new one.
+#[derive(Clone, Debug, Default)]
+pub struct Links {
+    last: Option<noise::Trace>,
+}
+
+/// A frame made, and what there is to say about it.
+#[derive(Clone, Debug)]
+pub struct Adapted {
+    /// The frame.
+    pub frame: SequenceFrame,
+    /// Sentences for the user; most come once.
+    pub notes: Vec<String>,
+    /// The camera, where the file tells it.
+    pub camera: Option<PixelCamera>,
+}
+
+impl Adapter {
+    /// Decides how frames are made, from the first frame and, where vectors are to be understood, the one after it.
+    ///
+    /// `canvas` is the extent of the frames: [`ExrImage::full_window`], united over all frames. The images need the
+    /// channels of [`Mapping::channels`].
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] where channels are missing, the preset is unknown (the known ones are listed), or the canvas
+    /// has no pixels.
+    pub fn new(
+        mapping: Mapping,
+        canvas: Window,
+        first: &[ExrImage],
+        second: Option<&[ExrImage]>,
+        options: &AdaptOptions,
+    ) -> Result<Self, Error> {
+        let path = first.first().map_or_else(std::path::PathBuf::new, |image| image.path().to_owned());
+        if canvas.size.pixels() == 0 {
+            return Err(Error::invalid(&path, "the frames have no pixels"));
+        }
+        let mut notes = Vec::new();
+        let mut warnings = Vec::new();
+        let rule = SumRule::find(&mapping, canvas, first, options.beauty_only)?;
+        notes.push(rule.describe());
+        warnings.extend(rule.warning());
+        let guides = guides::Encodings::find(&mapping, canvas, first)?;
+        let mut adapter = Self { mapping, canvas, rule, vectors: None, guides, notes, warnings };
+        adapter.vectors = adapter.find_vectors(&path, first, second, &options.motion)?;
+        if !adapter.has_guides() {
+            adapter.warnings.push("no normal, depth or albedo: colour alone steers the filter".to_owned());
+        }
+        Ok(adapter)
+    }
+
+    /// What the passes are.
+    pub fn mapping(&self) -> &Mapping {
+        &self.mapping
+    }
+
+    /// The extent of every frame.
+    pub fn canvas(&self) -> Window {
+        self.canvas
+    }
+
+    /// How the passes make the beauty.
+    pub fn rule(&self) -> &SumRule {
+        &self.rule
+    }
+
+    /// What was decided, for `-v`.
+    pub fn notes(&self) -> &[String] {
+        &self.notes
+    }
+
+    /// What may spoil the result, and what to do.
+    pub fn warnings(&self) -> &[String] {
+        &self.warnings
+    }
+
+    /// For the attribute `quell.mapping`: roles, rules, conventions.
+    pub fn describe(&self) -> String {
+        let mut text = self.mapping.describe();
+        for note in &self.notes {
+            text += note;
+            text.push('\n');
+        }
+        text
+    }
+
+    /// True for the channels that must be read of file number `file`.
+    pub fn reads(&self, file: usize) -> impl Fn(&Part, &Channel) -> bool + use<> {
+        reads(&self.mapping, file)
+    }
+
+    fn has_guides(&self) -> bool {
+        let roles = [Role::Normal, Role::Depth, Role::Position, Role::Albedo, Role::MatteColour, Role::SeenAlbedo];
+        roles.iter().any(|role| self.mapping.get(*role).is_some())
+    }
+
+    /// Makes a frame. The images need the channels for which [`Adapter::reads`] is true.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] where a channel is missing or was not read; file and channel are named.
+    pub fn frame(&self, number: i64, images: &[ExrImage], links: &mut Links) -> Result<Adapted, Error> {
+        let mut frame = SequenceFrame::new(number, self.canvas.size);
+        let mut notes = Vec::new();
+        frame.lights = lights::make(&self.mapping, &self.rule, self.canvas, images)?;
+        let camera = guides::fill(self, &mut frame, images, &mut notes)?;
+        let beauty =
+            self.mapping.get(Role::Beauty).map(|pass| planes::colour(images, pass, self.canvas)).transpose()?;
+        let last = links.last.take().filter(|last| last.number + 1 == number && last.size == frame.size);
+        guides::motion(self, &mut frame, images, camera.as_ref(), last.as_ref(), &mut notes)?;
+        let beauty: Plane<Rgb> = beauty.unwrap_or_else(|| frame.beauty());
+        let trace = noise::Trace::of(&frame, &beauty, camera);
+        if let Some(last) = &last
+            && trace.repeats(last)
+        {
+            frame.repeats_noise = true;
+            notes.push(format!(
+                "frame {number} has the same noise as the one before: vary the seed by frame ({})",
+                noise::seed_setting(&self.mapping.renderer.name)
+            ));
+        }
+        links.last = Some(trace);
+        Ok(Adapted { frame, notes, camera })
+    }
+
+    fn find_vectors(
+        &mut self,
+        path: &std::path::Path,
+        first: &[ExrImage],
+        second: Option<&[ExrImage]>,
+        choice: &MotionChoice,
+    ) -> Result<Option<[MotionConvention; 2]>, Error> {
+        let role =
+            [Role::Motion, Role::MotionPrevious, Role::MotionNext].into_iter().find(|r| self.mapping.get(*r).is_some());
+        let Some(role) = role else {
+            return Ok(None);
+        };
+        let preset = match choice {
+            MotionChoice::None => return Ok(None),
+            MotionChoice::Auto => None,
+            MotionChoice::Preset(name) => match MotionConvention::preset(name) {
+                Some(found) => Some((found, name.clone())),
+                None => {
+                    let known = MotionConvention::PRESETS.join(", ");
+                    return Err(Error::invalid(
+                        path,
+                        format!("`{name}` is no motion preset; there are auto, none, {known}"),
+                    ));
+                }
+            },
+            MotionChoice::Renderer => {
+                let name = self.mapping.renderer.motion.clone();
+                MotionConvention::preset(&name).map(|found| (found, name))
+            }
+        };
+        if let Some((found, name)) = preset {
+            self.notes.push(format!("motion by the preset `{name}`: {}", found[0]));
+            return Ok(Some(found));
+        }
+        let Some(second) = second else {
+            self.warnings
+                .push("one frame alone does not tell what its motion vectors mean; they are not used".to_owned());
+            return Ok(None);
+        };
+        let evidence = {
+            let a = guides::for_motion(self, first, role)?;
+            let b = guides::for_motion(self, second, role)?;
+            find_motion(&a.guides(), &b.guides())
+        };
+        match evidence {
+            Some(evidence) if evidence.good => {
+                self.notes.push(format!("motion found: {evidence}"));
+                let best = evidence.best;
+                // The other pair, where there is one, leads the other way: Blender's habit, which is checked by nobody.
+                let other = MotionConvention {
+                    direction: match best.direction {
+                        crate::motion::Direction::Previous => crate::motion::Direction::Next,
+                        crate::motion::Direction::Next => crate::motion::Direction::Previous,
+                    },
+                    sign: [-best.sign[0], -best.sign[1]],
+                    ..best
+                };
+                Ok(Some([best, other]))
+            }
+            Some(evidence) => {
+                self.warnings.push(format!(
+                    "no reading of the motion vectors warps one frame onto the next (best: {evidence}); they are not \
+                     used. Name their convention with --motion, if you know it"
+                ));
+                Ok(None)
+            }
+            None => {
+                self.warnings.push(
+                    "without position, depth, normal or albedo nothing tells what the motion vectors mean; they are not \
+                     used. Name their convention with --motion"
+                        .to_owned(),
+                );
+                Ok(None)
+            }
+        }
+    }
+}
+
+/// True for the channels that a mapping reads of file number `file`; before there is an [`Adapter`].
+pub fn reads(mapping: &Mapping, file: usize) -> impl Fn(&Part, &Channel) -> bool + use<> {
+    let ids: BTreeSet<ChannelId> = mapping.channels().into_iter().filter(|id| id.file == file).collect();
+    move |part, channel| {
+        let at = part.channels().iter().position(|c| std::ptr::eq(c, channel));
+        at.is_some_and(|channel| ids.iter().any(|id| id.channel == channel && id.part == part.index()))
+    }
+}
+
+/// The planes that `--motion auto` compares, owned.
+struct MotionPlanes {
+    vectors: Plane<[f32; 2]>,
+    position: Option<Plane<[f32; 3]>>,
+    depth: Option<Plane<f32>>,
+    normal: Option<Plane<[f32; 3]>>,
+    albedo: Option<Plane<[f32; 3]>>,
+}
+
+impl MotionPlanes {
+    fn guides(&self) -> MotionGuides<'_> {
+        MotionGuides {
+            vectors: &self.vectors,
+            position: self.position.as_ref(),
+            depth: self.depth.as_ref(),
+            normal: self.normal.as_ref(),
+            albedo: self.albedo.as_ref(),
+        }
+    }
+}

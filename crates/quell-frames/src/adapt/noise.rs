@@ -1,0 +1,117 @@
+//! Noise that repeats: one seed for all frames draws the same noise over every picture.
+
+use super::camera::PixelCamera;
+use quell::sequence::SequenceFrame;
+use quell::{Plane, Rgb, Size};
+
+/// Correlation from which noise counts as repeated. Independent noise of hall: 0.02 (frames README); one seed gives
+/// more than 0.5 even under a moving camera.
+const REPEATS: f64 = 0.3;
+
+/// Least deviation of the residuals (tone-mapped, 0..1) for which noise can be told at all.
+const NOISY: f64 = 0.004;
+
+/// Every how many rows are looked at.
+const ROWS: usize = 3;
+
+/// What a frame leaves for its successor to compare with.
+#[derive(Clone, Debug)]
+pub(super) struct Trace {
+    pub number: i64,
+    pub size: Size,
+    pub camera: Option<PixelCamera>,
+    /// Tone-mapped light minus its mean over 3x3 pixels; NaN where the pixel's guides are not smooth.
+    residuals: Vec<f32>,
+    guides: Vec<f32>,
+}
+
+impl Trace {
+    pub fn of(frame: &SequenceFrame, beauty: &Plane<Rgb>, camera: Option<PixelCamera>) -> Self {
+        let Size { width, height } = frame.size;
+        let tone = |x: usize, y: usize| {
+            // Without the surface's colour: texture would correlate, too.
+            let i = y * width + x;
+            let value = beauty.data().get(i).copied().unwrap_or([0.0; 3]);
+            let colour = frame.albedo.as_ref().and_then(|a| a.data().get(i)).copied().unwrap_or([1.0; 3]);
+            let light: f32 = (0..3).map(|c| value[c].max(0.0) / colour[c].max(0.05)).sum();
+            light / (1.0 + light)
+        };
+        let mut residuals = Vec::new();
+        for y in (1..height.saturating_sub(1)).step_by(ROWS) {
+            for x in 1..width.saturating_sub(1) {
+                if !smooth(frame, x, y) {
+                    residuals.push(f32::NAN);
+                    continue;
+                }
+                let mut sum = 0.0;
+                for v in y - 1..=y + 1 {
+                    for u in x - 1..=x + 1 {
+                        sum += tone(u, v);
+                    }
+                }
+                residuals.push(tone(x, y) - sum / 9.0);
+            }
+        }
+        Self { number: frame.number, size: frame.size, camera, residuals, guides: guides(frame) }
+    }
+
+    /// True where the noise of `self` is that of `last`.
+    pub fn repeats(&self, last: &Self) -> bool {
+        let (mut aa, mut bb, mut ab, mut count) = (0.0, 0.0, 0.0, 0);
+        for (a, b) in self.residuals.iter().zip(&last.residuals) {
+            let (a, b) = (f64::from(*a), f64::from(*b));
+            if a.is_finite() && b.is_finite() {
+                aa += a * a;
+                bb += b * b;
+                ab += a * b;
+                count += 1;
+            }
+        }
+        let enough = count >= 200 && (aa.min(bb) / f64::from(count)).sqrt() >= NOISY;
+        enough && ab / (aa * bb).sqrt() > REPEATS
+    }
+
+    /// True where positions, depths or normals of `frame` differ from this one's in many pixels.
+    pub fn guides_changed(&self, frame: &SequenceFrame) -> bool {
+        let now = guides(frame);
+        let changed = now.iter().zip(&self.guides).filter(|(a, b)| (*a - *b).abs() > 1e-3 * b.abs().max(1e-3)).count();
+        now.len() == self.guides.len() && changed * 5 > now.len()
+    }
+}
+
+/// True where a pixel and its neighbours are one smooth surface.
+fn smooth(frame: &SequenceFrame, x: usize, y: usize) -> bool {
+    let near = [(x - 1, y), (x + 1, y), (x, y - 1), (x, y + 1)];
+    let depth = frame.depth.as_ref().is_none_or(|d| {
+        let here = d.at(x, y);
+        here.is_finite() && near.iter().all(|(u, v)| (d.at(*u, *v) - here).abs() < 0.03 * here)
+    });
+    let differ = |a: [f32; 3], b: [f32; 3], limit: f32| (0..3).any(|c| (a[c] - b[c]).abs() > limit);
+    let normal = frame.normal.as_ref().is_none_or(|n| near.iter().all(|(u, v)| !differ(n.at(*u, *v), n.at(x, y), 0.1)));
+    let albedo = frame.albedo.as_ref().is_none_or(|a| near.iter().all(|(u, v)| !differ(a.at(*u, *v), a.at(x, y), 0.1)));
+    depth && normal && albedo
+}
+
+/// The guide that is least noisy, at few pixels.
+fn guides(frame: &SequenceFrame) -> Vec<f32> {
+    let Size { width, height } = frame.size;
+    let places = (0..height).step_by(7).flat_map(|y| (0..width).step_by(7).map(move |x| (x, y)));
+    if let Some(position) = &frame.position {
+        return places.flat_map(|(x, y)| position.at(x, y)).collect();
+    }
+    if let Some(depth) = &frame.depth {
+        return places.map(|(x, y)| depth.at(x, y)).map(|d| if d.is_finite() { d } else { -1.0 }).collect();
+    }
+    frame.normal.as_ref().map_or_else(Vec::new, |normal| places.flat_map(|(x, y)| normal.at(x, y)).collect())
+}
+
+/// Where a renderer's seed is set.
+pub(super) fn seed_setting(renderer: &str) -> &'static str {
+    match renderer {
+        "blender" => "Render > Sampling > Advanced: the clock beside Seed, `cycles.use_animated_seed`",
+        "mitsuba" => "`seed` of `mi.render`",
+        "pbrt" => "`--seed`",
+        "arnold" => "options, `AA_seed` by frame",
+        _ => "the renderer's sampling seed",
+    }
+}

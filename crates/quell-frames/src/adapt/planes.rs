@@ -1,0 +1,149 @@
+//! Channels to planes on the sequence's canvas, and back.
+
+use crate::error::Error;
+use crate::image::{ExrImage, Samples, Window};
+use crate::roles::{ChannelId, Mapped};
+use quell::{Plane, Rgb};
+
+/// The samples of a channel and where they lie.
+pub(super) fn samples(images: &[ExrImage], id: ChannelId) -> Result<(&Samples, Window), Error> {
+    let image = images.get(id.file);
+    let part = image.and_then(|image| image.parts().get(id.part));
+    let found = part.and_then(|part| Some((part.channels().get(id.channel)?, part.data_window())));
+    match (found, image) {
+        (Some((channel, window)), Some(image)) => match channel.samples() {
+            Some(samples) => Ok((samples, window)),
+            None => Err(Error::invalid(image.path(), format!("channel `{}` was not read", channel.name()))),
+        },
+        (None, Some(image)) => Err(Error::invalid(
+            image.path(),
+            format!("channel {} of part {} is missing; the first frame had it", id.channel, id.part),
+        )),
+        (_, None) => {
+            let path = images.first().map_or_else(std::path::PathBuf::new, |i| i.path().to_owned());
+            Err(Error::invalid(&path, format!("file {} of this frame is missing", id.file)))
+        }
+    }
+}
+
+/// The overlap of a data window with the canvas, row by row: first pixel in the plane, first sample, count.
+fn rows(canvas: Window, window: Window) -> impl Iterator<Item = (usize, usize, usize)> {
+    let (cw, ch) = (canvas.size.width as i64, canvas.size.height as i64);
+    let (ww, wh) = (window.size.width as i64, window.size.height as i64);
+    let (dx, dy) = (i64::from(window.x) - i64::from(canvas.x), i64::from(window.y) - i64::from(canvas.y));
+    let (left, right) = (dx.max(0), (dx + ww).min(cw));
+    (dy.max(0)..(dy + wh).min(ch))
+        .filter(move |_| right > left)
+        .map(move |y| ((y * cw + left) as usize, ((y - dy) * ww + left - dx) as usize, (right - left) as usize))
+}
+
+/// Puts channels side by side on the canvas; `outside` where there is no data. Fewer channels than components: the
+/// last one stands for the rest (a grey picture).
+pub(super) fn gather<const N: usize>(
+    images: &[ExrImage],
+    channels: &[ChannelId],
+    canvas: Window,
+    outside: [f32; N],
+) -> Result<Plane<[f32; N]>, Error> {
+    let mut plane = Plane::filled(canvas.size, outside);
+    for component in 0..N {
+        let Some(id) = channels.get(component).or(channels.last()) else { break };
+        let (samples, window) = samples(images, *id)?;
+        let data = plane.data_mut();
+        for (at, from, count) in rows(canvas, window) {
+            let Some(into) = data.get_mut(at..at + count) else { continue };
+            copy(samples, from, into, component);
+        }
+    }
+    Ok(plane)
+}
+
+fn copy<const N: usize>(samples: &Samples, from: usize, into: &mut [[f32; N]], component: usize) {
+    match samples {
+        Samples::Half(v) => {
+            let values = v.get(from..).unwrap_or_default();
+            for (pixel, value) in into.iter_mut().zip(values) {
+                pixel[component] = value.to_f32();
+            }
+        }
+        Samples::Float(v) => {
+            let values = v.get(from..).unwrap_or_default();
+            for (pixel, value) in into.iter_mut().zip(values) {
+                pixel[component] = *value;
+            }
+        }
+        Samples::Uint(v) => {
+            let values = v.get(from..).unwrap_or_default();
+            for (pixel, value) in into.iter_mut().zip(values) {
+                pixel[component] = *value as f32;
+            }
+        }
+    }
+}
+
+/// One number a pixel.
+pub(super) fn single(images: &[ExrImage], id: ChannelId, canvas: Window, outside: f32) -> Result<Plane<f32>, Error> {
+    let plane = gather(images, &[id], canvas, [outside])?;
+    let values = plane.into_vec().into_iter().map(|[v]| v).collect();
+    Plane::from_vec(canvas.size, values).map_err(|source| Error::Frame { path: std::path::PathBuf::new(), source })
+}
+
+/// A pass as colour, black outside its data window.
+pub(super) fn colour(images: &[ExrImage], pass: &Mapped, canvas: Window) -> Result<Plane<Rgb>, Error> {
+    gather(images, &pass.channels, canvas, [0.0; 3])
+}
+
+/// Writes a plane into a pass's channels, stored as they are; where a grey pass has one channel, the mean. The plane is
+/// rounded to what is stored. Returns how many values were clamped to what half floats hold.
+pub(super) fn scatter(
+    images: &mut [ExrImage],
+    pass: &Mapped,
+    canvas: Window,
+    plane: &mut Plane<Rgb>,
+) -> Result<usize, Error> {
+    let mut clamped = 0;
+    if let [only] = pass.channels.as_slice() {
+        for value in plane.data_mut() {
+            *value = [(value[0] + value[1] + value[2]) / 3.0; 3];
+        }
+        for component in 0..3 {
+            clamped = one(images, *only, canvas, plane, component)?;
+        }
+        return Ok(clamped);
+    }
+    for (component, id) in pass.channels.iter().enumerate().take(3) {
+        clamped += one(images, *id, canvas, plane, component)?;
+    }
+    Ok(clamped)
+}
+
+/// Writes one component of a plane into a channel and rounds the plane to what is stored.
+pub(super) fn one<const N: usize>(
+    images: &mut [ExrImage],
+    id: ChannelId,
+    canvas: Window,
+    plane: &mut Plane<[f32; N]>,
+    component: usize,
+) -> Result<usize, Error> {
+    let (old, window) = samples(images, id)?;
+    let kind = old.kind();
+    let mut values = old.to_f32();
+    for (at, from, count) in rows(canvas, window) {
+        let (Some(source), Some(into)) = (plane.data().get(at..at + count), values.get_mut(from..from + count)) else {
+            continue;
+        };
+        for (value, pixel) in into.iter_mut().zip(source) {
+            *value = pixel[component];
+        }
+    }
+    let (stored, clamped) = Samples::from_f32(values, kind);
+    for (at, from, count) in rows(canvas, window) {
+        if let Some(into) = plane.data_mut().get_mut(at..at + count) {
+            copy(&stored, from, into, component);
+        }
+    }
+    if let Some(image) = images.get_mut(id.file) {
+        image.replace(id.part, id.channel, stored)?;
+    }
+    Ok(clamped)
+}
