@@ -134,6 +134,15 @@ impl Work {
         Self { quiet, bar, state: Mutex::new(WorkState { line, seen: VecDeque::new() }) }
     }
 
+    /// For work that is mostly over before anybody waits: the first plain line comes after a second.
+    pub fn unless_quick(quiet: bool) -> Self {
+        let work = Self::new(quiet);
+        if let Ok(mut state) = work.state.lock() {
+            state.line += Duration::from_secs(1);
+        }
+        work
+    }
+
     /// The work has come as far as `share`, 0..1; `note` says what is being done.
     pub fn to(&self, share: f32, note: &str) {
         if self.quiet {

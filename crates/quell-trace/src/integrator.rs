@@ -206,6 +206,9 @@ impl Integrator<'_, '_> {
             if segment == 0 {
                 distance = hit.t;
             }
+            if last && !self.sources.is_emitter(hit.triangle) {
+                break;
+            }
             let point = self.world.surface_point(&hit, direction, cone);
             if !point.front && point.material.is_transmissive() {
                 throughput *= point.material.transmittance(hit.t);

@@ -1,6 +1,7 @@
 //! What `quell compare` takes.
 
 use super::SamplingArgs;
+use super::environment::EnvironmentArgs;
 use super::ranges::Frames;
 use super::scene::SceneArgs;
 use super::values;
@@ -46,6 +47,8 @@ pub struct CompareArgs {
     #[command(flatten)]
     pub scene: SceneArgs,
     #[command(flatten)]
+    pub environment: EnvironmentArgs,
+    #[command(flatten)]
     pub sampling: SamplingArgs,
     /// Repeat with so many seeds, from --seed on: means with 95 % intervals
     #[arg(long, value_name = "N", default_value = "1", value_parser = values::at_least_one::<u16>)]
@@ -59,7 +62,7 @@ pub struct CompareArgs {
     /// Where the references of a folder lie, if not in it
     #[arg(long, value_name = "DIR")]
     pub reference: Option<PathBuf>,
-    /// Brightness of pictures and weights [default: the scene's own]
+    /// Brightness of pictures [default: the scene's own, of a file by how bright it is]
     #[arg(long, value_name = "FACTOR", value_parser = values::positive)]
     pub exposure: Option<f32>,
     /// What is printed: text, csv, latex

@@ -150,7 +150,7 @@ pub struct RenderArgs {
     /// Stop a reference early where its own trimmed relMSE, known from its halves, is this small
     #[arg(long, value_name = "RELMSE", value_parser = values::positive)]
     pub reference_error: Option<f32>,
-    /// Brightness of pictures and weights [default: the scene's own]
+    /// Brightness of pictures [default: the scene's own, of a file by how bright it is]
     #[arg(long, value_name = "FACTOR", value_parser = values::positive)]
     pub exposure: Option<f32>,
     /// Store colours as half float: files are less than half as large
@@ -226,6 +226,8 @@ pub struct BenchArgs {
     /// Trace this glTF file or built-in scene [default: frames that are made up]
     #[arg(long, value_name = "SCENE")]
     pub scene: Option<String>,
+    #[command(flatten)]
+    pub environment: environment::EnvironmentArgs,
     /// Extents to measure
     #[arg(long, value_name = "WIDTHxHEIGHT", default_value = "1280x720", value_delimiter = ',',
           value_parser = values::size)]
@@ -290,6 +292,8 @@ pub struct ExplainArgs {
     pub source: Option<String>,
     #[command(flatten)]
     pub scene: SceneArgs,
+    #[command(flatten)]
+    pub environment: environment::EnvironmentArgs,
     /// The parameters as docs/parameters.md holds them
     #[arg(long, conflicts_with = "source")]
     pub markdown: bool,

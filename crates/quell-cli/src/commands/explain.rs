@@ -13,7 +13,10 @@ use serde_json::{Map, Value, json};
 
 pub fn run(context: &Context, args: ExplainArgs) -> Result<(), Failure> {
     match args.source {
-        Some(source) => explain_scene::run(context, &source, &args.scene),
+        Some(source) => explain_scene::run(context, &source, &args.scene, &args.environment),
+        None if args.environment.environment.is_some() => {
+            Err(Failure::Usage("--environment is for scenes; name one".to_owned()))
+        }
         None if args.markdown => output::print(&parameters_markdown()),
         None => explain_pipeline(context),
     }

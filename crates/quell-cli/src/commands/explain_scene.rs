@@ -1,7 +1,9 @@
 //! `quell explain SCENE`: what a scene holds, what of its file was left out, and why.
 
+use crate::args::environment::EnvironmentArgs;
 use crate::args::scene::SceneArgs;
 use crate::context::Context;
+use crate::environment;
 use crate::failure::Failure;
 use crate::scene::{self, Opened};
 use crate::sequence::FIRST_FRAME;
@@ -10,9 +12,12 @@ use quell_trace::{Scene, Tracer};
 use serde_json::{Map, Value, json};
 use std::fmt::Write;
 
-pub fn run(context: &Context, source: &str, args: &SceneArgs) -> Result<(), Failure> {
+pub fn run(context: &Context, source: &str, args: &SceneArgs, environment: &EnvironmentArgs) -> Result<(), Failure> {
     // Warnings stand in the text that is printed below: not twice.
-    let Opened { scene, report } = scene::open(&context.silenced(), source, args)?;
+    let silenced = context.silenced();
+    let Opened { mut scene, report } = scene::open(&silenced, source, args)?;
+    environment::surround(context, &mut scene, environment)?;
+    scene::expose(&silenced, source, &mut scene, 1, None, FIRST_FRAME)?;
     let tracer = Tracer::new(&scene, FIRST_FRAME, 1)?;
     let counts = [
         ("meshes", scene.meshes.len()),
@@ -33,7 +38,12 @@ pub fn run(context: &Context, source: &str, args: &SceneArgs) -> Result<(), Fail
     for (what, count) in counts {
         let _ = writeln!(text, "{count:>9}  {what}");
     }
-    let _ = writeln!(text, "{:>9}  exposure", scene.exposure);
+    let _ = writeln!(
+        text,
+        "{:>9}  exposure{}",
+        scene.exposure,
+        if report.is_some() { ", from the brightness of the first frame" } else { "" }
+    );
     let mut further = Map::new();
     let counted: Map<String, Value> = counts.into_iter().map(|(what, n)| (what.to_owned(), n.into())).collect();
     further.insert("scene".to_owned(), json!({"name": source, "stresses": stresses, "exposure": scene.exposure}));

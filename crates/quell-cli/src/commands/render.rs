@@ -18,14 +18,12 @@ pub fn run(context: &Context, args: RenderArgs) -> Result<(), Failure> {
     let mut scene = scene::open(context, &args.source, &args.scene)?.scene;
     environment::surround(context, &mut scene, &args.environment)?;
     let camera = scene::camera(&mut scene, &args.sampling.camera)?;
-    if let Some(exposure) = args.exposure {
-        scene.exposure = exposure;
-    }
     let count = args.count.map_or(scene.frames, |count| count as usize);
     let frames = match &args.frames {
         Some(frames) => frames.numbers().to_vec(),
         None => (FIRST_FRAME..).take(count).collect(),
     };
+    scene::expose(context, &args.source, &mut scene, camera, args.exposure, middle(&frames))?;
     let options = options(args.size, &args.sampling)?;
     let references = match (args.reference, &args.reference_frames) {
         (None, None) if args.reference_error.is_none() => ReferenceSource::None,
@@ -49,6 +47,11 @@ pub fn run(context: &Context, args: RenderArgs) -> Result<(), Failure> {
     let colours = if args.half { Precision::Half } else { Precision::Float };
     let files = Files { folder: args.output, exr: true, png: false, colours, overwrite: args.overwrite };
     Job { scene, camera, frames, options, denoise: !args.no_denoise, references, files }.run(context)
+}
+
+/// The frame that stands for all.
+pub fn middle(frames: &[i64]) -> i64 {
+    frames.get(frames.len() / 2).copied().unwrap_or(FIRST_FRAME)
 }
 
 /// Samples a pixel of a reference, both halves together, unless told otherwise.

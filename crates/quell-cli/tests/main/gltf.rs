@@ -61,3 +61,43 @@ fn what_a_file_lacks_is_a_usage_error_and_a_broken_file_is_named() {
         assert!(err(&output).contains(expected), "{arguments:?}: {}", err(&output));
     }
 }
+
+#[test]
+fn a_file_gets_an_exposure_that_changes_pictures_only() {
+    let folder = Folder::new("gltf exposure");
+    std::fs::copy(rich(), folder.0.join("room.glb")).unwrap();
+    let frame = |name: &str, more: &[&str]| {
+        let small = ["render", "room.glb", "-o", name, "--size", "24x14", "--direct-samples", "1", "--count", "1"];
+        let output = run(&folder.0, &[&small[..], more].concat());
+        assert_eq!(output.status.code(), Some(0), "{}", err(&output));
+        let path = quell_frames::frame_path(&folder.0.join(name).join("noisy"), "noisy", 0);
+        (quell_frames::read_frame(&path).unwrap().frame, err(&output))
+    };
+    let (found, said) = frame("found", &[]);
+    let (given, silent) = frame("given", &["--exposure", "0.125"]);
+    assert!(said.contains(&format!("room.glb: exposure {} from its brightness", found.exposure)), "{said}");
+    assert!(!silent.contains("from its brightness"), "{silent}");
+    assert_eq!(given.exposure, 0.125);
+    assert!(found.exposure > 0.0 && found.exposure != given.exposure && found.exposure != 1.0);
+    assert_eq!(found.direct.unwrap().data(), given.direct.unwrap().data());
+    assert_eq!(found.matte.unwrap().data(), given.matte.unwrap().data());
+    let explained = run(&folder.0, &["explain", "room.glb"]);
+    assert!(out(&explained).contains("exposure, from the brightness of the first frame"), "{}", out(&explained));
+}
+
+#[test]
+fn environments_surround_what_is_explained_too() {
+    let folder = Folder::new("gltf environment");
+    std::fs::copy(rich(), folder.0.join("room.glb")).unwrap();
+    for (arguments, status, expected) in [
+        (&["explain", "room.glb", "--environment", "none.hdr"][..], 1, "none.hdr"),
+        (&["explain", "--environment", "none.hdr"], 2, "--environment is for scenes"),
+        (&["bench", "--environment", "none.hdr"], 2, "--environment is for scenes"),
+        (&["bench", "--scene", "room.glb", "--environment", "none.hdr"], 1, "none.hdr"),
+        (&["compare", "room.glb", "-o", "x", "--environment", "none.hdr"], 1, "none.hdr"),
+    ] {
+        let output = run(&folder.0, arguments);
+        assert_eq!(output.status.code(), Some(status), "{arguments:?}: {}", err(&output));
+        assert!(err(&output).contains(expected), "{arguments:?}: {}", err(&output));
+    }
+}

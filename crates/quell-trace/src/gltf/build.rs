@@ -10,7 +10,7 @@ use super::nodes::{Pose, Rig, Tree, single};
 use super::report::{LoadReport, Warnings};
 use super::schema::{Root, SUPPORTED};
 use super::textures::Images;
-use super::{Budget, Loaded, Options, cameras, container, lights, materials};
+use super::{Budget, Counter, Loaded, Options, Stage, Watcher, cameras, container, lights, materials};
 use crate::environment::{Environment, Sky};
 use crate::hash::Hash;
 use crate::scene::{Instance, Mesh, Scene};
@@ -41,7 +41,13 @@ const DEFAULT_SKY: Sky = Sky {
     sun_angular_radius: 0.0,
 };
 
-pub(super) fn scene(bytes: Vec<u8>, folder: &Path, name: &str, options: &Options) -> Result<Loaded, Fault> {
+pub(super) fn scene(
+    bytes: Vec<u8>,
+    folder: &Path,
+    name: &str,
+    options: &Options,
+    watcher: Watcher<'_>,
+) -> Result<Loaded, Fault> {
     let mut identity = Hash::new();
     identity.bytes(&bytes);
     let container = container::parse(bytes, &options.limits)?;
@@ -86,7 +92,7 @@ pub(super) fn scene(bytes: Vec<u8>, folder: &Path, name: &str, options: &Options
     report.nodes = shown.len();
     let textures = textures_of(root, &shown);
     report.textures = textures.len();
-    let images = Images::read(root, &buffers, &folder, &budget, &textures, &mut warnings)?;
+    let images = Images::read(root, &buffers, &folder, &budget, &textures, watcher, &mut warnings)?;
     for &hash in &images.external {
         identity.number(hash);
     }
@@ -131,7 +137,7 @@ pub(super) fn scene(bytes: Vec<u8>, folder: &Path, name: &str, options: &Options
         report,
         bounds: None,
     };
-    builder.read_parts(&shown, &mut warnings)?;
+    builder.read_parts(&shown, watcher, &mut warnings)?;
     for &node in &shown {
         let data = item(&root.nodes, node, "node", &Place::root("nodes"))?;
         if let Some(mesh) = data.mesh {
@@ -194,7 +200,7 @@ struct Builder<'a> {
 
 impl Builder<'_> {
     /// Reads all primitives that the nodes show, in parallel.
-    fn read_parts(&mut self, shown: &[usize], warnings: &mut Warnings) -> Result<(), Fault> {
+    fn read_parts(&mut self, shown: &[usize], watcher: Watcher<'_>, warnings: &mut Warnings) -> Result<(), Fault> {
         let root = self.reader.root;
         let nodes = Place::root("nodes");
         let mut used = BTreeSet::new();
@@ -208,6 +214,7 @@ impl Builder<'_> {
             .iter()
             .flat_map(|&m| (0..root.meshes.get(m).map_or(0, |mesh| mesh.primitives.len())).map(move |p| (m, p)))
             .collect();
+        let counter = Counter::new(watcher, Stage::Meshes, all.len());
         let reader = self.reader;
         let surfaces = &self.scene.surfaces;
         let read = |&(m, p): &(usize, usize)| {
@@ -225,6 +232,7 @@ impl Builder<'_> {
             let normal = surface.and_then(|s| s.textures.as_ref()?.normal);
             let wanted = Wanted { tangents: normal.map(|map| map.texture.uv_set) };
             let part = mesh::read(&reader, primitive, wanted, &place, &mut warnings)?;
+            counter.one_more();
             Ok((part, warnings))
         };
         let parts: Vec<(Option<Part>, Warnings)> = all.par_iter().map(read).collect::<Result<_, Fault>>()?;

@@ -30,7 +30,7 @@ pub use report::{CameraInfo, ClipInfo, LoadReport, Plays, WARNING_LIMIT, Warning
 use crate::scene::Scene;
 use error::{Fault, Place};
 use std::path::Path;
-use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
 
 /// What is loaded of a file, and how.
 #[derive(Clone, Debug, PartialEq)]
@@ -92,6 +92,37 @@ impl Budget {
     }
 }
 
+/// What of a file is being read.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Stage {
+    /// Images are decoded.
+    Images,
+    /// Meshes are read, and tangents made where normal maps need them.
+    Meshes,
+}
+
+/// Is told from any thread, while a file is loaded, what is being read and how much of it is done, of how much.
+pub type Watcher<'a> = &'a (dyn Fn(Stage, usize, usize) + Sync);
+
+/// Counts what is done of one stage.
+struct Counter<'a> {
+    stage: Stage,
+    done: AtomicUsize,
+    total: usize,
+    watcher: Watcher<'a>,
+}
+
+impl<'a> Counter<'a> {
+    fn new(watcher: Watcher<'a>, stage: Stage, total: usize) -> Self {
+        watcher(stage, 0, total);
+        Self { stage, done: AtomicUsize::new(0), total, watcher }
+    }
+
+    fn one_more(&self) {
+        (self.watcher)(self.stage, self.done.fetch_add(1, Ordering::Relaxed) + 1, self.total);
+    }
+}
+
 /// A scene and what its file held.
 #[derive(Debug)]
 pub struct Loaded {
@@ -110,11 +141,19 @@ pub struct Loaded {
 /// Files that cannot be read, are no glTF 2.0, are cut off, contradict themselves or require what quell lacks; a scene or
 /// clip that does not exist; more than the limits allow; nothing to see.
 pub fn load(path: &Path, options: &Options) -> Result<Loaded, GltfError> {
+    load_watched(path, options, &|_, _, _| {})
+}
+
+/// [`load`], and the caller is told how far it has come.
+///
+/// # Errors
+/// As [`load`].
+pub fn load_watched(path: &Path, options: &Options, watcher: Watcher<'_>) -> Result<Loaded, GltfError> {
     let fault = |fault: Fault| fault.in_file(path);
     let bytes = container::read_file(path, options.limits.file_bytes).map_err(|p| fault(Fault::whole(p)))?;
     let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
     let name = path.file_stem().map_or_else(|| "scene".to_owned(), |s| s.to_string_lossy().into_owned());
-    build::scene(bytes, folder, &name, options).map_err(fault)
+    build::scene(bytes, folder, &name, options, watcher).map_err(fault)
 }
 
 /// Loads a file that lies in memory. `folder` is where external files are looked for, `name` what the scene is called.
@@ -122,5 +161,5 @@ pub fn load(path: &Path, options: &Options) -> Result<Loaded, GltfError> {
 /// # Errors
 /// As [`load`].
 pub fn load_bytes(bytes: Vec<u8>, folder: &Path, name: &str, options: &Options) -> Result<Loaded, GltfError> {
-    build::scene(bytes, folder, name, options).map_err(|fault| fault.in_file(Path::new(name)))
+    build::scene(bytes, folder, name, options, &|_, _, _| {}).map_err(|fault| fault.in_file(Path::new(name)))
 }

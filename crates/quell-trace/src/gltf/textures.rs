@@ -1,10 +1,10 @@
 //! Images of the materials that are shown: found, decoded in parallel, and how each is looked up.
 
-use super::Budget;
 use super::buffers::{Buffers, Folder};
 use super::error::{Fault, Place, item};
 use super::report::Warnings;
 use super::schema::{self, Root, TextureInfo};
+use super::{Budget, Counter, Stage, Watcher};
 use crate::texture::{self, Filter, Image, Sampler, TextureRef, Transform, Wrap};
 use glam::Vec2;
 use rayon::prelude::*;
@@ -33,6 +33,7 @@ impl Images {
         folder: &Folder<'_>,
         budget: &Budget,
         textures: &BTreeSet<usize>,
+        watcher: Watcher<'_>,
         warnings: &mut Warnings,
     ) -> Result<Self, Fault> {
         let mut wanted = BTreeSet::new();
@@ -47,6 +48,7 @@ impl Images {
             wanted.insert(image);
         }
         let list = Place::root("images");
+        let counter = Counter::new(watcher, Stage::Images, wanted.len());
         let decode = |&index: &usize| -> Result<(Result<Image, String>, Option<u64>), Fault> {
             let place = list.item(index);
             let image = item(&root.images, index, "image", &list)?;
@@ -62,6 +64,7 @@ impl Images {
                 hash.finish()
             });
             let decoded = texture::decode(&bytes, texture::Limits::default()).map_err(|e| e.to_string());
+            counter.one_more();
             if let Ok(image) = &decoded {
                 // Levels of detail for colours and for data are a third each.
                 budget.charge(image.bytes() as u64 / 3 * 5, &place)?;

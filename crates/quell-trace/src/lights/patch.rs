@@ -191,7 +191,7 @@ impl<'a> PatchView<'a> {
             };
             let distance = distance as f32;
             return (distance > 0.0 && distance.is_finite()).then(|| TriangleSample {
-                wi: wi.as_vec3().normalize(),
+                wi: wi.as_vec3(),
                 distance,
                 pdf: (1.0 / cumulative[count - 1]) as f32,
                 barycentrics: Vec3::ZERO,

@@ -3,6 +3,7 @@
 use crate::args::CompareArgs;
 use crate::commands::render;
 use crate::context::Context;
+use crate::environment;
 use crate::failure::Failure;
 use crate::interrupt;
 use crate::progress::Work;
@@ -48,7 +49,9 @@ impl Source {
             }
             other => other,
         })?;
-        Self::scene(args, opened.scene)
+        let mut scene = opened.scene;
+        environment::surround(context, &mut scene, &args.environment)?;
+        Self::scene(context, args, scene)
     }
 
     fn folder(args: &CompareArgs, folder: PathBuf) -> Result<Self, Failure> {
@@ -59,6 +62,7 @@ impl Source {
             (args.count.is_some(), "--count"),
             (args.scene.name.is_some(), "--scene"),
             (args.scene.clip.is_some(), "--clip"),
+            (args.environment.environment.is_some(), "--environment"),
         ] {
             if given {
                 return Err(Failure::Usage(format!("{option} is for scenes; {} is a folder", folder.display())));
@@ -72,21 +76,19 @@ impl Source {
         }))
     }
 
-    fn scene(args: &CompareArgs, mut scene: Scene) -> Result<Self, Failure> {
+    fn scene(context: &Context, args: &CompareArgs, mut scene: Scene) -> Result<Self, Failure> {
         if args.reference.is_some() {
             return Err(Failure::Usage(
                 "--reference is for folders; the references of a scene are rendered (--reference-spp)".to_owned(),
             ));
         }
         let camera = scene::camera(&mut scene, &args.sampling.camera)?;
-        if let Some(exposure) = args.exposure {
-            scene.exposure = exposure;
-        }
         let count = args.count.map_or(scene.frames, |count| count as usize);
         let frames: Vec<i64> = match &args.frames {
             Some(frames) => frames.numbers().to_vec(),
             None => (FIRST_FRAME..).take(count).collect(),
         };
+        scene::expose(context, &args.source, &mut scene, camera, args.exposure, render::middle(&frames))?;
         let references = match &args.reference_frames {
             Some(chosen) => {
                 if let Some(missing) = chosen.numbers().iter().find(|n| !frames.contains(n)) {

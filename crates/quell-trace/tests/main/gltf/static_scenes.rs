@@ -312,3 +312,19 @@ fn embedded_and_external_data_are_read() {
     }
     std::fs::remove_dir_all(folder).unwrap();
 }
+
+#[test]
+fn loading_tells_how_far_it_is() {
+    use quell_trace::gltf::{Stage, load_watched};
+    let path = std::path::PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../fuzz/corpus/gltf/rich.glb");
+    let told = std::sync::Mutex::new(Vec::new());
+    let watcher = |stage: Stage, done: usize, total: usize| told.lock().unwrap().push((stage, done, total));
+    let loaded = load_watched(&path, &quell_trace::gltf::Options::default(), &watcher).unwrap();
+    let told = told.into_inner().unwrap();
+    for (stage, total) in [(Stage::Images, loaded.report.images), (Stage::Meshes, loaded.report.meshes)] {
+        assert!(total > 0);
+        let mut of: Vec<usize> = told.iter().filter(|t| t.0 == stage && t.2 == total).map(|t| t.1).collect();
+        of.sort_unstable();
+        assert_eq!(of, (0..=total).collect::<Vec<_>>(), "{stage:?}: {told:?}");
+    }
+}
