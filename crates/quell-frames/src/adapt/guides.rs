@@ -285,7 +285,7 @@ pub(super) fn motion(
     notes: &mut Vec<String>,
 ) -> Result<(), Error> {
     let mut planes: [Option<Plane<[f32; 2]>>; 2] = [None, None];
-    let display = images.first().map_or(adapter.canvas.size, |image| image.display_window().size);
+    let display = adapter.display.size;
     let slot = |c: &MotionConvention| usize::from(c.direction == Direction::Next);
     if let Some(conventions) = adapter.vectors {
         let mapping = &adapter.mapping;

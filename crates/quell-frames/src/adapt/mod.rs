@@ -51,6 +51,7 @@ pub struct AdaptOptions {
 pub struct Adapter {
     mapping: Mapping,
     canvas: Window,
+    display: Window,
     rule: SumRule,
     vectors: Option<[MotionConvention; 2]>,
     guides: guides::Encodings,
@@ -95,13 +96,14 @@ impl Adapter {
         if canvas.size.pixels() == 0 {
             return Err(Error::invalid(&path, "the frames have no pixels"));
         }
+        let display = first.first().map_or(canvas, ExrImage::display_window);
         let mut notes = Vec::new();
         let mut warnings = Vec::new();
         let rule = SumRule::find(&mapping, canvas, first, options.beauty_only)?;
         notes.push(rule.describe());
         warnings.extend(rule.warning());
         let guides = guides::Encodings::find(&mapping, canvas, first)?;
-        let mut adapter = Self { mapping, canvas, rule, vectors: None, guides, notes, warnings };
+        let mut adapter = Self { mapping, canvas, display, rule, vectors: None, guides, notes, warnings };
         adapter.vectors = adapter.find_vectors(&path, first, second, &options.motion)?;
         if !adapter.has_guides() {
             adapter.warnings.push("no normal, depth or albedo: colour alone steers the filter".to_owned());
@@ -117,6 +119,11 @@ impl Adapter {
     /// The extent of every frame.
     pub fn canvas(&self) -> Window {
         self.canvas
+    }
+
+    /// The display window that every frame must have; one of another is another shot, with an adapter of its own.
+    pub fn display_window(&self) -> Window {
+        self.display
     }
 
     /// How the passes make the beauty.
@@ -157,8 +164,14 @@ impl Adapter {
     /// Makes a frame. The images need the channels for which [`Adapter::reads`] is true.
     ///
     /// # Errors
-    /// [`Error::Invalid`] where a channel is missing or was not read; file and channel are named.
+    /// [`Error::Invalid`] where a channel is missing or was not read, or the display window is another; file and channel
+    /// are named.
     pub fn frame(&self, number: i64, images: &[ExrImage], links: &mut Links) -> Result<Adapted, Error> {
+        if let Some(other) = images.iter().find(|image| image.display_window() != self.display) {
+            let (found, expected) = (other.display_window(), self.display);
+            let reason = format!("the picture is {found}, not {expected} as the first frame");
+            return Err(Error::invalid(other.path(), reason));
+        }
         let mut frame = SequenceFrame::new(number, self.canvas.size);
         let mut notes = Vec::new();
         frame.lights = lights::make(&self.mapping, &self.rule, self.canvas, images)?;

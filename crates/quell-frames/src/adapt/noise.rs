@@ -88,7 +88,8 @@ fn smooth(frame: &SequenceFrame, x: usize, y: usize) -> bool {
     });
     let differ = |a: [f32; 3], b: [f32; 3], limit: f32| (0..3).any(|c| (a[c] - b[c]).abs() > limit);
     let normal = frame.normal.as_ref().is_none_or(|n| near.iter().all(|(u, v)| !differ(n.at(*u, *v), n.at(x, y), 0.1)));
-    let albedo = frame.albedo.as_ref().is_none_or(|a| near.iter().all(|(u, v)| !differ(a.at(*u, *v), a.at(x, y), 0.1)));
+    let albedo =
+        frame.albedo.as_ref().is_none_or(|a| near.iter().all(|(u, v)| !differ(a.at(*u, *v), a.at(x, y), 0.25)));
     depth && normal && albedo
 }
 

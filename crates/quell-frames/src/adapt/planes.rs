@@ -3,6 +3,7 @@
 use crate::error::Error;
 use crate::image::{ExrImage, Samples, Window};
 use crate::roles::{ChannelId, Mapped};
+use half::slice::HalfFloatSliceExt;
 use quell::{Plane, Rgb};
 
 /// The samples of a channel and where they lie.
@@ -61,9 +62,12 @@ pub(super) fn gather<const N: usize>(
 fn copy<const N: usize>(samples: &Samples, from: usize, into: &mut [[f32; N]], component: usize) {
     match samples {
         Samples::Half(v) => {
-            let values = v.get(from..).unwrap_or_default();
-            for (pixel, value) in into.iter_mut().zip(values) {
-                pixel[component] = value.to_f32();
+            // Slices convert several at a time, single values ask the processor's abilities each.
+            let values = v.get(from..from + into.len()).unwrap_or_default();
+            let mut floats = vec![0.0; values.len()];
+            values.convert_to_f32_slice(&mut floats);
+            for (pixel, value) in into.iter_mut().zip(floats) {
+                pixel[component] = value;
             }
         }
         Samples::Float(v) => {

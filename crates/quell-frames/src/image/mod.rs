@@ -17,6 +17,7 @@ use exr::meta::attribute::{IntegerBounds, SampleType, Text};
 use exr::meta::header::Header;
 use exr::prelude::{Compression, LineOrder};
 use half::f16;
+use half::slice::HalfFloatSliceExt;
 use quell::Size;
 use std::path::PathBuf;
 
@@ -139,7 +140,6 @@ impl Samples {
     pub fn to_f32(&self) -> Vec<f32> {
         match self {
             Self::Half(v) => {
-                use half::slice::HalfFloatSliceExt;
                 let mut floats = vec![0.0; v.len()];
                 v.convert_to_f32_slice(&mut floats);
                 floats
@@ -156,26 +156,19 @@ impl Samples {
             SampleKind::Float => (Self::Float(values), 0),
             SampleKind::Uint => (Self::Uint(values.into_iter().map(|v| v.round() as u32).collect()), 0),
             SampleKind::Half => {
+                let mut halves = vec![f16::ZERO; values.len()];
+                halves.convert_from_f32_slice(&values);
                 let mut clamped = 0;
-                let halves = values.into_iter().map(|value| {
-                    let (half, beyond) = to_half(value);
-                    clamped += usize::from(beyond);
-                    half
-                });
-                let halves = halves.collect();
+                for (half, value) in halves.iter_mut().zip(&values) {
+                    if half.is_infinite() && value.is_finite() {
+                        *half = if *value > 0.0 { f16::MAX } else { f16::MIN };
+                        clamped += 1;
+                    }
+                }
                 (Self::Half(halves), clamped)
             }
         }
     }
-}
-
-/// The nearest half float; finite values beyond the largest become that one, and are told by `true`.
-pub(crate) fn to_half(value: f32) -> (f16, bool) {
-    let half = f16::from_f32(value);
-    if half.is_infinite() && value.is_finite() {
-        return (if value > 0.0 { f16::MAX } else { f16::MIN }, true);
-    }
-    (half, false)
 }
 
 /// One channel of a part.

@@ -3,6 +3,7 @@
 mod adapt;
 mod aov;
 mod frames;
+mod made;
 mod replay;
 mod rewrite;
 mod roles;

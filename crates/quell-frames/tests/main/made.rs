@@ -1,0 +1,190 @@
+//! Frames made here, to try what no shared file holds: light groups, half buffers, several pictures, one seed, mixed
+//! sizes.
+
+use crate::Folder;
+use exr::prelude::*;
+use quell::sequence::SequenceFrame;
+use quell_frames::{AdaptOptions, Adapter, ExrImage, Links, MapOptions, Role, map_roles, read_image};
+use std::path::{Path, PathBuf};
+
+const WIDTH: usize = 48;
+const HEIGHT: usize = 32;
+
+/// Noise between 0 and 1 from a place and a seed.
+fn noise(x: usize, y: usize, seed: usize) -> f32 {
+    let mut h = (x as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15) ^ (y as u64).wrapping_mul(0xc2b2_ae3d_27d4_eb4f);
+    h = (h ^ (seed as u64).wrapping_mul(0x1656_67b1_9e37_79f9)).wrapping_mul(0xff51_afd7_ed55_8ccd);
+    h = (h ^ (h >> 33)).wrapping_mul(0xc4ce_b9fe_1a85_ec53);
+    (h >> 40) as f32 / (1u64 << 24) as f32
+}
+
+type Value<'f> = &'f dyn Fn(usize, usize) -> f32;
+
+fn write(folder: &Folder, name: &str, size: (usize, usize), channels: &[(&str, Value<'_>)]) -> PathBuf {
+    let channels: Vec<AnyChannel<FlatSamples>> = channels
+        .iter()
+        .map(|(name, value)| {
+            let samples = (0..size.0 * size.1).map(|i| f16::from_f32(value(i % size.0, i / size.0))).collect();
+            AnyChannel::new(*name, FlatSamples::F16(samples))
+        })
+        .collect();
+    let layer =
+        Layer::new(size, LayerAttributes::default(), Encoding::FAST_LOSSLESS, AnyChannels::sort(channels.into()));
+    let path = folder.file(name);
+    Image::from_layer(layer).write().non_parallel().to_file(&path).unwrap();
+    path
+}
+
+fn adapter(path: &Path) -> (Adapter, Vec<ExrImage>) {
+    let images = vec![read_image(path).unwrap()];
+    let named = [(String::new(), &images[0])];
+    let mapping = map_roles(&named, &MapOptions::default()).unwrap().swap_remove(0);
+    (Adapter::new(mapping, images[0].full_window(), &images, None, &AdaptOptions::default()).unwrap(), images)
+}
+
+fn smoothed(frame: &SequenceFrame) -> Vec<quell::Plane<quell::Rgb>> {
+    let smooth = |plane: &quell::Plane<quell::Rgb>| {
+        quell::Plane::from_fn(plane.size(), |x, y| {
+            let near = [(x.max(1) - 1, y), ((x + 1).min(WIDTH - 1), y), (x, y)];
+            std::array::from_fn(|c| near.iter().map(|(u, v)| plane.at(*u, *v)[c]).sum::<f32>() / 3.0)
+        })
+    };
+    frame.lights.iter().map(|light| smooth(&light.light)).collect()
+}
+
+fn values(images: &[ExrImage], name: &str) -> Vec<f32> {
+    let part = &images[0].parts()[0];
+    let channel = part.find(name).unwrap();
+    images[0].samples(0, channel).unwrap().to_f32()
+}
+
+#[test]
+fn light_groups_are_scaled_to_the_filtered_beauty_and_add_up_when_they_did_before() {
+    let folder = Folder::new("groups");
+    let key = |x: usize, y: usize| noise(x, y, 1);
+    let fill = |x: usize, y: usize| 0.5 * noise(x, y, 2);
+    let both = |x: usize, y: usize| key(x, y) + fill(x, y);
+    let mut channels: Vec<(String, Value<'_>)> = Vec::new();
+    for c in ["R", "G", "B"] {
+        channels.push((format!("V.Combined.{c}"), &both));
+        channels.push((format!("V.Combined_key.{c}"), &key));
+        channels.push((format!("V.Combined_fill.{c}"), &fill));
+    }
+    let channels: Vec<(&str, Value<'_>)> = channels.iter().map(|(n, v)| (n.as_str(), *v)).collect();
+    let (adapter, mut images) = adapter(&write(&folder, "g.exr", (WIDTH, HEIGHT), &channels));
+    let frame = adapter.frame(1, &images, &mut Links::default()).unwrap().frame;
+    assert_eq!(frame.lights.len(), 4, "beauty, two groups, what no group holds");
+    assert_eq!(frame.lights.iter().filter(|l| l.in_beauty).count(), 1);
+    let report = adapter.write_back(&mut images, &frame, &smoothed(&frame), None).unwrap();
+    assert_eq!(report.normalised, ["V.Combined_fill", "V.Combined_key"]);
+    let [beauty, key_after, fill_after] =
+        ["Combined", "Combined_key", "Combined_fill"].map(|n| values(&images, &format!("V.{n}.G")));
+    for i in 0..beauty.len() {
+        // Three roundings, and the remainder that half rounding of the input left to no group.
+        assert!((key_after[i] + fill_after[i] - beauty[i]).abs() < 4e-3 * beauty[i] + 1e-4, "{i}");
+    }
+    assert!(
+        key_after.iter().zip(0..).any(|(k, i)| (k - key(i % WIDTH, i / WIDTH)).abs() > 0.05),
+        "groups are filtered"
+    );
+}
+
+#[test]
+fn a_picture_beside_a_noisy_one_is_written_too() {
+    let folder = Folder::new("twins");
+    let noisy = |x: usize, y: usize| noise(x, y, 3);
+    let clean = |_: usize, _: usize| 0.25;
+    let mut channels: Vec<(String, Value<'_>)> = Vec::new();
+    for c in ["R", "G", "B"] {
+        channels.push((format!("V.Noisy Image.{c}"), &noisy));
+        channels.push((format!("V.Combined.{c}"), &clean));
+    }
+    let channels: Vec<(&str, Value<'_>)> = channels.iter().map(|(n, v)| (n.as_str(), *v)).collect();
+    let (adapter, mut images) = adapter(&write(&folder, "t.exr", (WIDTH, HEIGHT), &channels));
+    assert_eq!(adapter.mapping().get(Role::Beauty).unwrap().name, "V.Noisy Image");
+    let frame = adapter.frame(1, &images, &mut Links::default()).unwrap().frame;
+    adapter.write_back(&mut images, &frame, &smoothed(&frame), None).unwrap();
+    assert_eq!(values(&images, "V.Noisy Image.R"), values(&images, "V.Combined.R"));
+    assert_ne!(values(&images, "V.Combined.R")[40], 0.25);
+}
+
+#[test]
+fn variance_comes_from_the_file_or_from_halves_of_the_samples() {
+    let folder = Folder::new("variance");
+    // Two halves with deviation 0.2 each: their mean has variance 0.02.
+    let half = |seed: usize| move |x: usize, y: usize| 1.0 + 0.2 * ((noise(x, y, seed) - 0.5) * 12f32.sqrt());
+    let (a, b) = (half(5), half(6));
+    let mean = |x: usize, y: usize| (a(x, y) + b(x, y)) * 0.5;
+    let mut channels: Vec<(String, Value<'_>)> = Vec::new();
+    for c in ["R", "G", "B"] {
+        channels.push((c.to_owned(), &mean));
+        channels.push((format!("half_a.{c}"), &a));
+        channels.push((format!("half_b.{c}"), &b));
+    }
+    let list: Vec<(&str, Value<'_>)> = channels.iter().map(|(n, v)| (n.as_str(), *v)).collect();
+    let (from_halves, images) = adapter(&write(&folder, "h.exr", (WIDTH, HEIGHT), &list));
+    let variance = from_halves.frame(1, &images, &mut Links::default()).unwrap().frame.variance.unwrap();
+    let found = variance.data().iter().sum::<f32>() / variance.data().len() as f32;
+    assert!((found / 0.02 - 1.0).abs() < 0.15, "{found}");
+
+    let known = |_: usize, _: usize| 0.03125;
+    for c in ["R", "G", "B"] {
+        channels.push((format!("variance.{c}"), &known));
+    }
+    let list: Vec<(&str, Value<'_>)> = channels.iter().map(|(n, v)| (n.as_str(), *v)).collect();
+    let (from_file, images) = adapter(&write(&folder, "v.exr", (WIDTH, HEIGHT), &list));
+    let variance = from_file.frame(1, &images, &mut Links::default()).unwrap().frame.variance.unwrap();
+    assert!(variance.data().iter().all(|v| (v - 0.03125).abs() < 1e-5));
+}
+
+#[test]
+fn one_seed_is_told_from_independent_noise_on_textures_and_in_still_scenes() {
+    let folder = Folder::new("seed");
+    let texture = |x: usize, y: usize| 0.3 + 0.3 * noise(x / 2, y / 2, 77);
+    let frame_of = |shift: usize, seed: usize, name: &str| {
+        let light = move |x: usize, y: usize| 0.3 + noise(x, y, seed) * 0.8 + (x + shift) as f32 * 0.002;
+        let albedo = move |x: usize, y: usize| texture(x + shift, y);
+        let picture = move |x: usize, y: usize| light(x, y) * albedo(x, y);
+        let flat = |_: usize, _: usize| 4.0;
+        let mut channels: Vec<(String, Value<'_>)> = vec![("Z".to_owned(), &flat)];
+        for c in ["R", "G", "B"] {
+            channels.push((c.to_owned(), &picture));
+            channels.push((format!("albedo.{c}"), &albedo));
+        }
+        let list: Vec<(&str, Value<'_>)> = channels.iter().map(|(n, v)| (n.as_str(), *v)).collect();
+        write(&folder, name, (WIDTH * 3, HEIGHT * 4), &list)
+    };
+    let first = frame_of(0, 1, "1.exr");
+    for (shift, seed, repeats) in [(0, 2, false), (0, 1, true), (4, 2, false), (4, 1, true)] {
+        let second = frame_of(shift, seed, "2.exr");
+        let (adapter, images) = adapter(&first);
+        let mut links = Links::default();
+        adapter.frame(1, &images, &mut links).unwrap();
+        let next = vec![read_image(&second).unwrap()];
+        let made = adapter.frame(2, &next, &mut links).unwrap();
+        assert_eq!(made.frame.repeats_noise, repeats, "shift {shift}, seed {seed}");
+        // After a gap nothing is compared.
+        let mut links = Links::default();
+        adapter.frame(1, &images, &mut links).unwrap();
+        assert!(!adapter.frame(3, &next, &mut links).unwrap().frame.repeats_noise);
+    }
+}
+
+#[test]
+fn frames_of_other_sizes_and_files_without_the_channels_are_named() {
+    let folder = Folder::new("mixed");
+    let value = |x: usize, y: usize| noise(x, y, 9);
+    let rgb: [(&str, Value<'_>); 3] = [("R", &value), ("G", &value), ("B", &value)];
+    let (adapter, _) = adapter(&write(&folder, "a.exr", (WIDTH, HEIGHT), &rgb));
+    let mut links = Links::default();
+    let small = vec![read_image(&write(&folder, "small.exr", (WIDTH / 2, HEIGHT), &rgb)).unwrap()];
+    let error = adapter.frame(2, &small, &mut links).unwrap_err().to_string();
+    assert!(error.contains("small.exr") && error.contains("24x32") && error.contains("48x32"), "{error}");
+    let grey = vec![read_image(&write(&folder, "grey.exr", (WIDTH, HEIGHT), &rgb[..1])).unwrap()];
+    let error = adapter.frame(2, &grey, &mut links).unwrap_err().to_string();
+    assert!(error.contains("grey.exr") && error.contains("channel"), "{error}");
+    let unread = vec![quell_frames::read_headers(&folder.file("a.exr")).unwrap()];
+    let error = adapter.frame(2, &unread, &mut links).unwrap_err().to_string();
+    assert!(error.contains("a.exr") && error.contains("was not read"), "{error}");
+    assert!(adapter.frame(2, &[], &mut links).is_err());
+}
