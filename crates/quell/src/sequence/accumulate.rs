@@ -1,5 +1,6 @@
 //! The mean of the samples met along each surface's way, its variance, and how many samples it is worth.
 
+use super::energy::{self, Class};
 use super::follow::{Tap, taps};
 use super::frame::LightKind;
 use super::member::Member;
@@ -49,6 +50,7 @@ pub(super) fn accumulate(window: &[&Member], centre: usize, gather: &Gather) -> 
                 .collect()
         })
         .collect();
+    let looks_through = here.guides.seen.is_some() && here.slots.iter().any(|s| Class::of(s.kind) == Class::Seen);
     let mut colours = Rows::new(here.size, 3 * planes);
     let mut moments = Rows::new(here.size, 2 * here.slots.len());
     par::two_rows(
@@ -59,17 +61,26 @@ pub(super) fn accumulate(window: &[&Member], centre: usize, gather: &Gather) -> 
         |y, colours, moments| {
             let mut met: Vec<Tap> = Vec::new();
             let mut sums = vec![[0.0f32; 3]; planes];
+            let mut seen: Vec<f32> = Vec::new();
             for x in 0..w {
                 taps(window, centre, y * w + x, gather, &mut met);
+                seen.clear();
+                if looks_through {
+                    seen.extend(met.iter().map(|t| {
+                        energy::weight(seen_energy(here, y * w + x, window[t.frame as usize], t.pixel as usize, gather))
+                    }));
+                }
                 for (l, slot) in here.slots.iter().enumerate() {
+                    let seen = if Class::of(slot.kind) == Class::Seen { &seen[..] } else { &[] };
                     let sums = &mut sums[..slot.planes];
                     sums.fill([0.0; 3]);
                     let (mut total, mut squares, mut second) = (0.0f32, 0.0f32, 0.0f32);
                     // Moments about the first sample: differences of large numbers lose less.
                     let start = y * w * planes + x * planes + slot.first;
                     let pivot = luminance(here.samples[start]);
-                    for tap in &met {
-                        let weight = tap.weight * powers[l][tap.distance as usize];
+                    for (k, tap) in met.iter().enumerate() {
+                        let seen = seen.get(k).copied().unwrap_or(1.0);
+                        let weight = tap.weight * powers[l][tap.distance as usize] * seen;
                         if weight == 0.0 {
                             continue;
                         }
@@ -100,4 +111,15 @@ pub(super) fn accumulate(window: &[&Member], centre: usize, gather: &Gather) -> 
         },
     );
     Accumulated { colours, moments }
+}
+
+/// How unlike the things are that pixel `p` shows here, and pixel `q` of another frame there, in a mirror or through
+/// glass, as the exponent of a weight.
+pub(super) fn seen_energy(here: &Member, p: usize, other: &Member, q: usize, gather: &Gather) -> f32 {
+    let (Some(a), Some(b)) = (&here.guides.seen, &other.guides.seen) else { return 0.0 };
+    let (a, b) = (&a[p], &b[q]);
+    let colour = (0..3).map(|c| (a[c] - b[c]).powi(2)).sum::<f32>() * 0.5 / (gather.seen_albedo * gather.seen_albedo);
+    let cosine = a[3] * b[3] + a[4] * b[4] + a[5] * b[5];
+    let has_normals = a[3..] != [0.0; 3] || b[3..] != [0.0; 3];
+    colour + if has_normals { gather.seen_normal * (1.0 - cosine) } else { 0.0 }
 }

@@ -1,6 +1,7 @@
 //! The public face: frames in, in order; filtered frames out as soon as their window is complete.
 
 use super::accumulate::accumulate;
+use super::energy::Class;
 use super::frame::SequenceFrame;
 use super::member::Member;
 use super::rows::Rows;
@@ -176,7 +177,7 @@ impl SequenceDenoiser {
             .collect();
         let entry = &self.entries[t];
         let estimate = entry.estimate.as_ref()?;
-        let (picture, alpha) = stabilise(&window, t - from, self.settings.gather.future, &self.settings.stabilise);
+        let (picture, alpha) = stabilise(&window, t - from, &self.settings.gather, &self.settings.stabilise);
         let lights = lights(&entry.member, estimate, &picture);
         let confidence =
             Plane::from_fn(picture.size(), |x, y| (estimate.samples.at(x, y) / CONFIDENT_SAMPLES).min(1.0));
@@ -221,6 +222,12 @@ fn most_samples(member: &Member, moments: &Rows) -> Plane<f32> {
     })
 }
 
+/// What multiplies a light back besides its weight, of one row.
+fn seen_row<'a>(member: &'a Member, slot: &super::member::Slot, y: usize) -> Option<&'a [Rgb]> {
+    let seen = member.seen_colour.as_ref().filter(|_| Class::of(slot.kind) == Class::Seen)?;
+    Some(&seen[y * member.size.width..][..member.size.width])
+}
+
 /// Sum of light * weight over the lights of the beauty.
 fn picture(member: &Member, colours: &Rows) -> Plane<Rgb> {
     let mut picture = Plane::filled(member.size, [0.0; 3]);
@@ -228,10 +235,12 @@ fn picture(member: &Member, colours: &Rows) -> Plane<Rgb> {
         for (l, slot) in member.slots.iter().enumerate().filter(|(l, _)| member.in_beauty[*l]) {
             let channels = [0, 1, 2].map(|c| colours.row(y, 3 * slot.first + c));
             let weights = member.weights[l].as_ref().map(|p| p.row(y));
+            let seen = seen_row(member, slot, y);
             for (x, value) in row.iter_mut().enumerate() {
                 let weight = weights.map_or([1.0; 3], |w| w[x]);
+                let seen = seen.map_or([1.0; 3], |s| s[x]);
                 for c in 0..3 {
-                    value[c] += channels[c][x] * weight[c];
+                    value[c] += channels[c][x] * weight[c] * seen[c];
                 }
             }
         }
@@ -249,7 +258,8 @@ fn lights(member: &Member, estimate: &Estimate, picture: &Plane<Rgb>) -> Vec<Fil
         planes: (slot.first..slot.first + slot.planes)
             .map(|k| {
                 Plane::from_fn(member.size, |x, y| {
-                    [0, 1, 2].map(|c| estimate.colours.row(y, 3 * k + c)[x] * ratio.at(x, y)[c])
+                    let seen = seen_row(member, slot, y).map_or([1.0; 3], |s| s[x]);
+                    [0, 1, 2].map(|c| estimate.colours.row(y, 3 * k + c)[x] * seen[c] * ratio.at(x, y)[c])
                 })
             })
             .collect(),

@@ -41,6 +41,10 @@ pub(super) struct Local {
 pub(super) struct Guides {
     pub surface: Vec<Surface>,
     pub local: Local,
+    /// Tone-mapped albedo and unit normal seen in mirrors and through glass; `None`: absent.
+    pub seen: Option<Vec<[f32; 6]>>,
+    /// That albedo's mean over 3x3: what a mirror shows there, its own aliasing apart.
+    pub seen_around: Option<Vec<[f32; 3]>>,
     /// World-space size of a pixel per unit of depth; 0 where positions are unknown.
     pub pixel_angle: f32,
 }
@@ -69,7 +73,31 @@ impl Guides {
         });
         let local = Local::new(frame, &surface);
         let pixel_angle = if frame.position.is_some() { pixel_angle(&surface, w, h) } else { 0.0 };
-        Self { surface, local, pixel_angle }
+        let seen = (frame.seen_albedo.is_some() || frame.seen_normal.is_some()).then(|| {
+            let local = &local;
+            let at = |planes: &[Vec<f32>; 3], i: usize| [0, 1, 2].map(|c| planes[c].get(i).copied().unwrap_or(0.0));
+            let pixel = |i: usize| {
+                let ([a, b, c], [d, e, f]) = (at(&local.seen_albedo, i), at(&local.seen_normal, i));
+                [a, b, c, d, e, f]
+            };
+            (0..frame.size.pixels()).map(pixel).collect()
+        });
+        let seen_around = frame.seen_albedo.is_some().then(|| {
+            let mean = |x: usize, y: usize| {
+                let (mut sum, mut n) = ([0.0f32; 3], 0.0);
+                for qy in y.saturating_sub(1)..(y + 2).min(h) {
+                    for qx in x.saturating_sub(1)..(x + 2).min(w) {
+                        for c in 0..3 {
+                            sum[c] += local.seen_albedo[c][qy * w + qx];
+                        }
+                        n += 1.0;
+                    }
+                }
+                sum.map(|s| s / n)
+            };
+            par::plane(frame.size, mean).into_vec()
+        });
+        Self { surface, local, seen, seen_around, pixel_angle }
     }
 }
 

@@ -1,5 +1,6 @@
 //! A frame of the window, made ready: what the stages need of it and no more.
 
+use super::energy::Class;
 use super::frame::{LightKind, SequenceFrame};
 use super::guides::Guides;
 use crate::frame::Rgb;
@@ -26,6 +27,8 @@ pub(super) struct Member {
     pub samples: Vec<Rgb>,
     /// What multiplies each light back; `None`: 1.
     pub weights: Vec<Option<Plane<Rgb>>>,
+    /// What reflections and refractions were divided by: the colour of what a mirror or a glass shows. `None`: nothing.
+    pub seen_colour: Option<Vec<Rgb>>,
     pub in_beauty: Vec<bool>,
     pub guides: Guides,
     pub motion_to_previous: Option<Plane<[f32; 2]>>,
@@ -57,7 +60,20 @@ impl Member {
                 }
             }
         }
+        let seen_colour = seen_colour(&frame);
+        if let Some(seen) = &seen_colour {
+            for slot in slots.iter().filter(|s| Class::of(s.kind) == Class::Seen) {
+                for (pixel, colour) in samples.chunks_exact_mut(planes).zip(seen) {
+                    for sample in &mut pixel[slot.first..slot.first + slot.planes] {
+                        for c in 0..3 {
+                            sample[c] /= colour[c];
+                        }
+                    }
+                }
+            }
+        }
         let member = Self {
+            seen_colour,
             number: frame.number,
             size: frame.size,
             slots,
@@ -105,4 +121,22 @@ impl Member {
         }
         self.motion_to_next = Some(motion);
     }
+}
+
+/// Diffuse colour below which a surface counts as a mirror or as glass.
+const PURELY_SPECULAR: f32 = 0.02;
+/// Least colour that light is divided by.
+const LEAST_COLOUR: f32 = 0.02;
+
+/// The colour of what is seen in mirrors and through glass; 1 elsewhere. Divided by it, a reflection is as smooth as the
+/// light on the things reflected. Where a surface has a colour of its own, the renderer's `seen` albedo is that colour,
+/// which the reflection does not carry.
+fn seen_colour(frame: &SequenceFrame) -> Option<Vec<Rgb>> {
+    let (seen, albedo) = (frame.seen_albedo.as_ref()?, frame.albedo.as_ref()?);
+    let pixel = |(seen, albedo): (&Rgb, &Rgb)| {
+        let specular = albedo.iter().all(|&c| c < PURELY_SPECULAR);
+        let lit = seen.iter().all(|c| c.is_finite()) && seen.iter().any(|&c| c > 0.0);
+        if specular && lit { seen.map(|c| c.max(LEAST_COLOUR)) } else { [1.0; 3] }
+    };
+    Some(seen.data().iter().zip(albedo.data()).map(pixel).collect())
 }

@@ -21,6 +21,10 @@ parameters! {
             higher "Less noise, more smear.", lower "Noisier reflections.", source "ours";
         transmission_decay: f32 = 0.6, 0.0..=1.0, "per frame", "Likewise of light through glass.",
             higher "Less noise, more smear.", lower "Noisier glass.", source "ours";
+        seen_albedo: f32 = 0.1, 0.01..=16.0, "of the tone-mapped range", "Tolerance of the albedo seen in mirrors and through glass.",
+            higher "Reflections smear.", lower "Noisier ones.", source "ours";
+        seen_normal: f32 = 8.0, 0.0..=1000.0, "per 1 - cosine", "Fall of a sample's weight with the normal seen there.",
+            higher "Noisier reflections.", lower "They smear.", source "ours";
         plane_distance: f32 = 2.0, 0.0..=64.0, "pixel sizes at that depth", "Distance from the tangent plane at which a point of another frame is another surface.",
             higher "Samples cross small steps.", lower "Curved surfaces lose samples.", source "ours";
         round_trip: f32 = 0.15, 0.0..=16.0, "pixels", "How far there and back again may miss for a surface that moves.",
@@ -66,5 +70,7 @@ parameters! {
             higher "Steadier and smoother edges, a little softer.", lower "More flicker.", source "ours";
         decay: f32 = 0.8, 0.0..=1.0, "per frame", "Weight of a neighbour one frame further away.",
             higher "Steadier.", lower "Sharper.", source "ours";
+        seen_albedo: f32 = 0.2, 0.01..=16.0, "of the tone-mapped range", "How far what a mirror shows around a pixel may differ in a neighbour in time.",
+            higher "Moving reflections smear.", lower "They stay noisy.", source "ours";
     }
 }

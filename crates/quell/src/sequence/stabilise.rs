@@ -2,8 +2,9 @@
 //! the picture's own range in 3x3. Silhouettes gain samples, and what the wavelet decided differently from frame to
 //! frame evens out.
 
+use super::energy;
 use super::member::Member;
-use super::settings::Stabilise;
+use super::settings::{Gather, Stabilise};
 use crate::frame::Rgb;
 use crate::par;
 use crate::plane::{Plane, Size};
@@ -19,7 +20,7 @@ pub(super) struct Filtered<'a> {
 pub(super) fn stabilise(
     window: &[Filtered<'_>],
     centre: usize,
-    future: bool,
+    gather: &Gather,
     s: &Stabilise,
 ) -> (Plane<Rgb>, Option<Plane<f32>>) {
     let here = &window[centre];
@@ -52,23 +53,34 @@ pub(super) fn stabilise(
             let (mut sum, mut total) = (*value, 1.0);
             let mut sum_alpha = if has_alpha { alpha_row[x] } else { 0.0 };
             for forward in [false, true] {
-                if forward && !future {
+                if forward && !gather.future {
                     continue;
                 }
                 let steps = if forward { window.len() - 1 - centre } else { centre }.min(s.frames as usize);
-                let (mut at, mut nearest, mut weight) = ((x as f32, y as f32), y * w + x, 1.0);
+                let (mut at, mut decayed) = ((x as f32, y as f32), 1.0);
+                let mut front = front(here.member, x, y);
                 for k in 1..=steps {
                     let (from, to) = if forward { (centre + k - 1, centre + k) } else { (centre + 1 - k, centre - k) };
                     let from = window[from].member;
                     let motion = if forward { &from.motion_to_next } else { &from.motion_to_previous };
                     let Some(motion) = motion else { break };
-                    let m = motion.data()[nearest];
+                    let m = motion.data()[front.pixel];
                     at = (at.0 + m[0], at.1 + m[1]);
                     // NaN fails too: unknown motion ends the way.
                     if !(at.0 >= 0.0 && at.1 >= 0.0 && at.0 <= (w - 1) as f32 && at.1 <= (h - 1) as f32) {
                         break;
                     }
-                    nearest = at.1.round() as usize * w + at.0.round() as usize;
+                    let there = self::front(window[to].member, at.0.round() as usize, at.1.round() as usize);
+                    if !there.same(&front) || !returns(window[to].member, forward, there.pixel, m) {
+                        break;
+                    }
+                    front = there;
+                    let q = at.1.round() as usize * w + at.0.round() as usize;
+                    let p = y * w + x;
+                    // What a mirror or a glass shows moves by itself.
+                    let specular = here.member.seen_colour.as_ref().is_some_and(|s| s[p] != [1.0; 3]);
+                    let unlike = if specular { seen_difference(here.member, p, window[to].member, q) } else { 0.0 };
+                    let weight = decayed * energy::weight(unlike / (2.0 * s.seen_albedo * s.seen_albedo));
                     let other = &window[to];
                     let taps = CubicTaps::new(size, at);
                     let c = taps.fetch(|i| other.picture.data()[i]);
@@ -80,7 +92,7 @@ pub(super) fn stabilise(
                         sum_alpha += weight * a.max(low_alpha).min(high_alpha);
                     }
                     total += weight;
-                    weight *= s.decay;
+                    decayed *= s.decay;
                 }
             }
             *value = sum.map(|c| c / total);
@@ -91,6 +103,55 @@ pub(super) fn stabilise(
     });
     let coverage = if alpha_width == 0 { None } else { Plane::from_vec(size, coverage).ok() };
     (out, coverage)
+}
+
+/// The surface nearest to the eye around a pixel: a silhouette moves with it.
+struct Front {
+    pixel: usize,
+    inverse_depth: f32,
+}
+
+/// Most relative change of depth from frame to frame.
+const DEPTH_CHANGE: f32 = 0.1;
+
+impl Front {
+    fn same(&self, other: &Self) -> bool {
+        (self.inverse_depth - other.inverse_depth).abs() <= DEPTH_CHANGE * other.inverse_depth
+    }
+}
+
+/// Squared difference of the tone-mapped colours that mirrors or glass show around two pixels.
+fn seen_difference(here: &Member, p: usize, other: &Member, q: usize) -> f32 {
+    let (Some(a), Some(b)) = (&here.guides.seen_around, &other.guides.seen_around) else { return 0.0 };
+    (0..3).map(|c| (a[p][c] - b[q][c]).powi(2)).sum()
+}
+
+/// Misses of the way there and back: in pixels, and as a part of its length.
+const ROUND_TRIP: [f32; 2] = [0.5, 0.1];
+
+/// True where the motion at `pixel` leads back by `motion`, or is unknown.
+fn returns(member: &Member, forward: bool, pixel: usize, motion: [f32; 2]) -> bool {
+    let back = if forward { &member.motion_to_previous } else { &member.motion_to_next };
+    let Some(back) = back else { return true };
+    let r = back.data()[pixel];
+    let length = (motion[0] * motion[0] + motion[1] * motion[1]).sqrt();
+    let miss = ((motion[0] + r[0]).powi(2) + (motion[1] + r[1]).powi(2)).sqrt();
+    miss <= ROUND_TRIP[0] + ROUND_TRIP[1] * length
+}
+
+fn front(member: &Member, x: usize, y: usize) -> Front {
+    let (w, h) = (member.size.width, member.size.height);
+    let mut best = Front { pixel: y * w + x, inverse_depth: member.guides.surface[y * w + x].inverse_depth };
+    for qy in y.saturating_sub(1)..(y + 2).min(h) {
+        for qx in x.saturating_sub(1)..(x + 2).min(w) {
+            let inverse_depth = member.guides.surface[qy * w + qx].inverse_depth;
+            // Not for the slope of the same surface.
+            if inverse_depth > best.inverse_depth * 1.02 {
+                best = Front { pixel: qy * w + qx, inverse_depth };
+            }
+        }
+    }
+    best
 }
 
 /// Catmull-Rom's sixteen taps; beyond the border the border counts.
