@@ -6,4 +6,5 @@ mod suite {
     mod contract;
     mod frames;
     mod invariants;
+    mod sequence;
 }

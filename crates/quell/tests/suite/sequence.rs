@@ -1,0 +1,278 @@
+//! The sequence filter: properties, and what it must never do.
+
+use quell::sequence::{
+    Filtered, Light, LightKind, SEQUENCE_PARAMETERS, SequenceDenoiser, SequenceFrame, SequenceSettings,
+};
+use quell::{Plane, Rgb, Size};
+
+const SIZE: Size = Size::new(48, 27);
+const SPEED: f32 = 1.3;
+
+/// Numbers 0..1 that look random, from integers.
+fn random(x: usize, y: usize, t: i64, k: u64) -> f32 {
+    let mut h = (x as u64) ^ (y as u64) << 16 ^ (t as u64) << 32 ^ k << 56;
+    for _ in 0..3 {
+        h = (h ^ (h >> 31)).wrapping_mul(0x9E37_79B9_7F4A_7C15);
+    }
+    (h >> 40) as f32 / (1u64 << 24) as f32
+}
+
+/// The light on a wall before which the camera slides: bright on the right of a straight shadow edge.
+fn truth(x: f32, t: i64) -> f32 {
+    if x + SPEED * t as f32 > 30.0 { 1.0 } else { 0.2 }
+}
+
+/// A wall at depth 4, one path in five lit, moving to the left.
+fn frame(t: i64) -> SequenceFrame {
+    let mut frame = SequenceFrame::new(t, SIZE);
+    let noisy = |k: u64| {
+        move |x: usize, y: usize| -> Rgb {
+            let lit = if random(x, y, t, k) < 0.2 { 5.0 } else { 0.0 };
+            [1.0, 0.8, 0.5].map(|c| c * lit * truth(x as f32, t))
+        }
+    };
+    let mut matte = Light::new("matte", LightKind::MatteDirect, Plane::from_fn(SIZE, noisy(1)));
+    matte.weight = Some(Plane::from_fn(SIZE, |x, y| [0.3 + 0.5 * random(x, y, 0, 9); 3]));
+    let half = |plane: &Plane<Rgb>, share: f32| Plane::from_fn(SIZE, |x, y| plane.at(x, y).map(|c| c * share));
+    matte.joint = vec![half(&matte.light, 0.25), half(&matte.light, 0.75)];
+    let glossy = Light::new("glossy", LightKind::GlossyIndirect, Plane::from_fn(SIZE, noisy(2)));
+    let steady = Light::new("emission", LightKind::Steady, Plane::from_fn(SIZE, |x, _| [x as f32 * 0.01; 3]));
+    frame.lights = vec![matte, glossy, steady];
+    frame.depth = Some(Plane::filled(SIZE, 4.0));
+    frame.normal = Some(Plane::filled(SIZE, [0.0, 0.0, 1.0]));
+    let position = |x: usize, y: usize| [(x as f32 + SPEED * t as f32) * 0.1, y as f32 * -0.1, 0.0];
+    frame.position = Some(Plane::from_fn(SIZE, position));
+    frame.motion_to_previous = Some(Plane::filled(SIZE, [SPEED, 0.0]));
+    frame.motion_to_next = Some(Plane::filled(SIZE, [-SPEED, 0.0]));
+    frame
+}
+
+fn settings(changes: &[(&str, &str)]) -> SequenceSettings {
+    let mut settings = SequenceSettings::default();
+    for (name, value) in changes {
+        settings.set(name, value).unwrap();
+    }
+    settings
+}
+
+fn run(settings: &SequenceSettings, frames: impl IntoIterator<Item = SequenceFrame>) -> Vec<Filtered> {
+    let mut denoiser = SequenceDenoiser::new(settings.clone()).unwrap();
+    let mut out = Vec::new();
+    for frame in frames {
+        out.extend(denoiser.push(frame, true).unwrap());
+    }
+    out.extend(denoiser.finish().unwrap());
+    out
+}
+
+/// Mean square error of the matte light over all frames.
+fn error(out: &[Filtered]) -> f64 {
+    let pixels = out.iter().flat_map(|f| {
+        f.lights[0].planes[0].data().iter().enumerate().map(|(i, c)| c[0] - truth((i % SIZE.width) as f32, f.number))
+    });
+    let (sum, n) = pixels.fold((0.0, 0), |(s, n), d| (s + f64::from(d * d), n + 1));
+    sum / f64::from(n)
+}
+
+#[test]
+fn noise_goes_and_a_shadow_edge_stays() {
+    let noisy: f64 = error(&run(
+        &settings(&[("gather.frames", "0"), ("wavelet.levels", "0"), ("stabilise.frames", "0")]),
+        (0..8).map(frame),
+    ));
+    let both = run(&settings(&[]), (0..8).map(frame));
+    assert!(error(&both) * 60.0 < noisy, "{} of {noisy}", error(&both));
+    // The first frame is as clean as the rest.
+    assert!(error(&both[..1]) < 3.0 * error(&both), "{} {}", error(&both[..1]), error(&both));
+    // Each part does its share: the canaries of the line above.
+    for off in [("gather.frames", "0"), ("wavelet.levels", "0")] {
+        assert!(error(&run(&settings(&[off]), (0..8).map(frame))) > 2.0 * error(&both), "{off:?}");
+    }
+    // Three pixels from the edge nothing of the other side is left.
+    let f = &both[4];
+    let edge = 30.0 - SPEED * 4.0;
+    for y in 8..20 {
+        for (x, expected) in [(edge as usize - 3, 0.2), (edge as usize + 4, 1.0)] {
+            let found = f.lights[0].planes[0].at(x, y)[0];
+            assert!((found - expected).abs() < 0.3, "{found} for {expected} at {x}, {y}");
+        }
+    }
+}
+
+#[test]
+fn energy_is_kept() {
+    let out = run(&settings(&[]), (0..10).map(frame));
+    let mean = |of: &dyn Fn(usize, i64) -> f32| -> f64 {
+        let sum: f64 =
+            (0..10i64).flat_map(|t| (0..SIZE.pixels()).map(move |i| (i, t))).map(|(i, t)| f64::from(of(i, t))).sum();
+        sum / (10 * SIZE.pixels()) as f64
+    };
+    let filtered = mean(&|i, t| out[t as usize].lights[0].planes[0].data()[i][0]);
+    let inputs: Vec<_> = (0..10).map(frame).collect();
+    let noisy = mean(&|i, t| inputs[t as usize].lights[0].light.data()[i][0]);
+    assert!((filtered / noisy - 1.0).abs() < 0.03, "{filtered} of {noisy}");
+}
+
+#[test]
+fn joint_planes_add_up_and_steady_light_is_untouched() {
+    let out = run(&settings(&[("stabilise.frames", "0")]), (0..4).map(frame));
+    for f in &out {
+        for i in 0..SIZE.pixels() {
+            let planes = &f.lights[0].planes;
+            for c in 0..3 {
+                let (whole, parts) = (planes[0].data()[i][c], planes[1].data()[i][c] + planes[2].data()[i][c]);
+                assert!((whole - parts).abs() <= 1e-5 * whole.abs() + 1e-6, "{whole} {parts}");
+            }
+        }
+        assert_eq!(f.lights[2].planes[0], frame(f.number).lights[2].light);
+    }
+}
+
+#[test]
+fn any_split_gives_the_same_bits() {
+    let settings = settings(&[("gather.frames", "3"), ("stabilise.frames", "1")]);
+    let whole = run(&settings, (0..12).map(frame));
+    let reach = SequenceDenoiser::new(settings.clone()).unwrap().reach() as i64;
+    assert_eq!(reach, 4);
+    for (from, to) in [(0, 4), (5, 5), (6, 11)] {
+        let mut denoiser = SequenceDenoiser::new(settings.clone()).unwrap();
+        let mut part = Vec::new();
+        for t in (from - reach).max(0)..=(to + reach).min(11) {
+            part.extend(denoiser.push(frame(t), (from..=to).contains(&t)).unwrap());
+        }
+        part.extend(denoiser.finish().unwrap());
+        assert_eq!(part, whole[from as usize..=to as usize], "{from} to {to}");
+    }
+    // Canary: one frame too few around it shows.
+    let short = run(&settings, (5 - reach + 1..=5 + reach).map(frame));
+    assert_ne!(short[(reach - 1) as usize], whole[5]);
+}
+
+#[test]
+fn the_past_alone_does_not_know_the_future() {
+    let settings = settings(&[("gather.future", "off")]);
+    let out = run(&settings, (0..6).map(frame));
+    let mut changed: Vec<_> = (0..6).map(frame).collect();
+    changed[5].lights[0].light = Plane::filled(SIZE, [9.0; 3]);
+    let other = run(&settings, changed);
+    assert_eq!(out[..5], other[..5]);
+    assert_ne!(out[5], other[5]);
+}
+
+#[test]
+fn a_gap_is_a_cut() {
+    let with_gap = run(&settings(&[]), [0, 1, 2, 7, 8].map(frame));
+    assert_eq!(with_gap[..3], run(&settings(&[]), (0..3).map(frame))[..]);
+    assert_eq!(with_gap[3..], run(&settings(&[]), (7..9).map(frame))[..]);
+}
+
+#[test]
+fn motion_to_the_next_frame_is_found_where_the_file_has_none() {
+    let without = |t| SequenceFrame { motion_to_next: None, ..frame(t) };
+    let (with, derived) = (run(&settings(&[]), (0..6).map(frame)), run(&settings(&[]), (0..6).map(without)));
+    assert!(error(&derived) < 1.5 * error(&with), "{} {}", error(&derived), error(&with));
+    let none = |t| SequenceFrame { motion_to_next: None, motion_to_previous: None, ..frame(t) };
+    assert!(error(&run(&settings(&[]), (0..6).map(none))) > 1.5 * error(&with));
+}
+
+#[test]
+fn noise_that_repeats_brings_no_samples() {
+    let still = |repeats| {
+        move |t: i64| {
+            let mut f = frame(0);
+            f.number = t;
+            f.motion_to_previous = Some(Plane::filled(SIZE, [0.0; 2]));
+            f.motion_to_next = f.motion_to_previous.clone();
+            f.repeats_noise = repeats;
+            f
+        }
+    };
+    let samples = |out: &[Filtered]| out[3].samples.at(20, 13);
+    assert!(samples(&run(&settings(&[]), (0..6).map(still(true)))) < 1.01);
+    assert!(samples(&run(&settings(&[]), (0..6).map(still(false)))) > 5.0);
+}
+
+#[test]
+fn wild_frames_do_no_harm() {
+    let tiny = Size::new(1, 1);
+    let mut bare = SequenceFrame::new(0, tiny);
+    bare.lights.push(Light::new("beauty", LightKind::Beauty, Plane::filled(tiny, [2.0; 3])));
+    assert_eq!(run(&settings(&[]), [bare])[0].lights[0].planes[0].at(0, 0), [2.0; 3]);
+
+    let wild = |t: i64| {
+        let mut f = frame(t);
+        f.lights[0].light.set(3, 4, [f32::NAN, 1.0, 1.0]);
+        f.lights[1].light.set(9, 4, [f32::INFINITY; 3]);
+        if let (Some(n), Some(z), Some(p), Some(m)) =
+            (&mut f.normal, &mut f.depth, &mut f.position, &mut f.motion_to_previous)
+        {
+            n.set(5, 5, [f32::NAN; 3]);
+            z.set(6, 6, f32::NAN);
+            z.set(7, 6, -1.0);
+            p.set(8, 6, [f32::INFINITY; 3]);
+            m.set(9, 9, [f32::NAN, 3e38]);
+            m.set(10, 9, [-3e38, f32::INFINITY]);
+        }
+        f
+    };
+    let out = run(&settings(&[]), (0..5).map(wild));
+    assert!(out.iter().all(|f| f.repaired == 2));
+    for plane in out.iter().flat_map(|f| &f.lights).flat_map(|l| &l.planes) {
+        assert!(plane.data().iter().flatten().all(|c| c.is_finite()));
+    }
+    let mut wrong = frame(0);
+    wrong.depth = Some(Plane::filled(tiny, 1.0));
+    let error = SequenceDenoiser::new(settings(&[])).unwrap().push(wrong, true).unwrap_err();
+    assert!(error.to_string().contains("depth"), "{error}");
+}
+
+#[test]
+fn every_parameter_matters() {
+    // A box before a wall, moving against it; glass that shows something else; a beauty of its own.
+    let scene =
+        |t: i64| {
+            let mut f = frame(t);
+            let inside = |x: usize, y: usize| (8..20).contains(&x) && (6..18).contains(&y);
+            let depth = Plane::from_fn(SIZE, |x, y| {
+                if inside(x, y) { 2.0 + 0.05 * random(x, y, t, 5) } else { 4.0 + 0.02 * x as f32 }
+            });
+            let normal = |x: usize, y: usize| -> [f32; 3] {
+                let a = if inside(x, y) { 0.6 + 0.3 * random(x, y, t, 6) } else { 0.02 * y as f32 };
+                [a.sin(), 0.0, a.cos()]
+            };
+            f.normal = Some(Plane::from_fn(SIZE, normal));
+            f.motion_to_previous =
+                Some(Plane::from_fn(SIZE, |x, y| if inside(x, y) { [0.1, 0.0] } else { [SPEED, 0.0] }));
+            f.motion_to_next =
+                Some(Plane::from_fn(SIZE, |x, y| if inside(x, y) { [-0.1, 0.12] } else { [-SPEED, 0.0] }));
+            f.position = Some(Plane::from_fn(SIZE, |x, y| {
+                let z = depth.at(x, y);
+                [(x as f32 + SPEED * t as f32) * 0.1, y as f32 * -0.1, 0.4 * random(x, y, t, 7) - z]
+            }));
+            f.depth = Some(depth);
+            let shown = |x: usize, y: usize| [0.2 + 0.3 * random(x / 3, y / 3, t, 8); 3];
+            f.seen_albedo = Some(Plane::from_fn(SIZE, shown));
+            f.seen_normal = Some(Plane::from_fn(SIZE, |x, y| {
+                let a = random(x / 4, y / 4, 0, 3);
+                [a.sin(), a.cos(), 0.0]
+            }));
+            f.albedo = Some(Plane::from_fn(SIZE, |x, y| {
+                if inside(x, y) { [0.0; 3] } else { [0.1 + 0.5 * random(x / 2, y, 0, 4); 3] }
+            }));
+            let light = f.lights[1].light.clone();
+            for (name, kind) in [
+                ("highlight", LightKind::GlossyDirect),
+                ("glass", LightKind::Transmission),
+                ("indirect", LightKind::MatteIndirect),
+                ("beauty", LightKind::Beauty),
+            ] {
+                f.lights.push(Light::new(name, kind, light.clone()));
+            }
+            f
+        };
+    let base = run(&settings(&[]), (0..5).map(scene));
+    for p in SEQUENCE_PARAMETERS {
+        let moves = p.samples().iter().any(|value| run(&settings(&[(p.name, value)]), (0..5).map(scene)) != base);
+        assert!(moves, "{} changes nothing", p.name);
+    }
+}
