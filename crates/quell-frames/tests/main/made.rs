@@ -188,3 +188,54 @@ fn frames_of_other_sizes_and_files_without_the_channels_are_named() {
     assert!(error.contains("a.exr") && error.contains("was not read"), "{error}");
     assert!(adapter.frame(2, &[], &mut links).is_err());
 }
+
+#[test]
+fn frames_of_quell_have_their_cameras_in_the_header_and_move_by_them() {
+    use quell::{Camera, FrameBuf, Plane, Size};
+    use quell_frames::{FrameToWrite, WriteOptions, write_frame};
+    let folder = Folder::new("own");
+    let size = Size::new(WIDTH, HEIGHT);
+    let camera = |k: f32| {
+        Camera::perspective(
+            [0.3 * k, 1.0, 4.0],
+            [0.1 * k, -0.2, -1.0],
+            [0.0, 1.0, 0.0],
+            0.9,
+            WIDTH as f32 / HEIGHT as f32,
+        )
+    };
+    let depth = |x: usize, y: usize| if y < 4 { f32::INFINITY } else { 3.0 + x as f32 * 0.02 };
+    for k in [1, 2] {
+        let mut frame = FrameBuf::new(size, camera(k as f32));
+        frame.matte = Some(Plane::from_fn(size, |x, y| [noise(x, y, k), 0.5, 0.25]));
+        frame.matte_weight = Some(Plane::filled(size, [0.5, 0.25, 0.75]));
+        frame.view_depth = Some(Plane::from_fn(size, depth));
+        write_frame(
+            &folder.file(&format!("q.{k:04}.exr")),
+            &FrameToWrite::new(frame.frame(&[])),
+            &WriteOptions::default(),
+        )
+        .unwrap();
+    }
+    let (adapter, first) = adapter(&folder.file("q.0001.exr"));
+    assert_eq!(adapter.mapping().renderer.name, "quell");
+    assert!(adapter.rule().complete && !adapter.rule().colour_inside, "{}", adapter.rule().describe());
+    let mut links = Links::default();
+    adapter.frame(1, &first, &mut links).unwrap();
+    let second = vec![read_image(&folder.file("q.0002.exr")).unwrap()];
+    let made = adapter.frame(2, &second, &mut links).unwrap();
+    let found = made.camera.unwrap();
+    assert!((0..3).all(|c| (found.eye[c] - camera(2.0).position[c]).abs() < 1e-4), "{:?}", found.eye);
+    // The same by the denoiser's own cameras.
+    let [before, now] = [camera(1.0), camera(2.0)].map(|c| c.projection(size).unwrap());
+    let motion = made.frame.motion_to_previous.unwrap();
+    for (x, y) in [(3, 9), (40, 20), (20, 30)] {
+        let at = [x as f32 + 0.5, y as f32 + 0.5];
+        let world = now.world(at.into(), depth(x, y));
+        let there = before.pixel(world).unwrap();
+        let expected = [there.x - at[0], there.y - at[1]];
+        let v = motion.at(x, y);
+        assert!((v[0] - expected[0]).hypot(v[1] - expected[1]) < 1e-2, "{v:?} {expected:?}");
+    }
+    assert!(motion.at(10, 1)[0].is_finite(), "the background turns with the camera");
+}
