@@ -156,6 +156,47 @@ fn depth(mapping: &Mapping, canvas: Window, images: &[ExrImage]) -> Result<Optio
     Ok(Some(plane))
 }
 
+/// What kind of depth a file holds, measured where world positions tell a camera: the kind that explains the depths,
+/// at least twice as well as the next; `None` where nothing tells.
+pub(super) fn depth_kind(mapping: &Mapping, canvas: Window, images: &[ExrImage]) -> Result<Option<DepthKind>, Error> {
+    let (Some(position), Some(depth)) = (mapping.get(Role::Position), mapping.get(Role::Depth)) else {
+        return Ok(None);
+    };
+    let (Space::World, Some(id)) = (mapping.renderer.position, depth.channels.first()) else { return Ok(None) };
+    let position = gather(images, &position.channels, canvas, [0.0; 3])?;
+    let depth = single(images, *id, canvas, 0.0)?;
+    let surface = |i: usize| {
+        let here = position.data().get(i).is_some_and(|p| *p != [0.0; 3]);
+        here && depth.data().get(i).is_some_and(|d| *d > 0.0 && *d < FAR_HALF)
+    };
+    let camera = from_header(images, canvas).or_else(|| PixelCamera::solve(&position, surface));
+    let Some(camera) = camera.filter(|c| c.residual(&position, surface).is_some_and(|px| px <= CAMERA_FITS_PX)) else {
+        return Ok(None);
+    };
+    let width = canvas.size.width;
+    let mut errors: [Vec<f32>; 3] = Default::default();
+    for i in (0..canvas.size.pixels()).step_by((canvas.size.pixels() / 4000).max(1)).filter(|i| surface(*i)) {
+        let (found, planar) = (depth.data()[i], camera.depth(position.data()[i]));
+        let ray = planar * length(camera.direction((i % width) as f32 + 0.5, (i / width) as f32 + 0.5));
+        for (errors, ratio) in errors.iter_mut().zip([found / planar, found / ray, found * planar]) {
+            errors.push((ratio - 1.0).abs());
+        }
+    }
+    let medians = errors.map(|mut errors| {
+        errors.sort_by(f32::total_cmp);
+        errors.get(errors.len() / 2).copied().unwrap_or(f32::INFINITY)
+    });
+    let mut order = [(DepthKind::Planar, medians[0]), (DepthKind::Ray, medians[1]), (DepthKind::Inverse, medians[2])];
+    order.sort_by(|a, b| a.1.total_cmp(&b.1));
+    Ok((order[0].1 < 0.02 && order[0].1 * 2.0 < order[1].1).then_some(order[0].0))
+}
+
+/// True where frames can be brought together: vectors, or cameras from positions or the header.
+pub(super) fn has_cameras(mapping: &Mapping, canvas: Window, images: &[ExrImage]) -> bool {
+    let positions = mapping.get(Role::Position).is_some() && mapping.renderer.position == Space::World;
+    positions || (mapping.get(Role::Depth).is_some() && from_header(images, canvas).is_some())
+}
+
 /// Distance along the ray to distance along the axis.
 fn planar(frame: &mut SequenceFrame, kind: DepthKind, camera: Option<&PixelCamera>, notes: &mut Vec<String>) {
     let (DepthKind::Ray, Some(depth)) = (kind, &mut frame.depth) else { return };

@@ -102,9 +102,24 @@ impl Adapter {
         let rule = SumRule::find(&mapping, canvas, first, options.beauty_only)?;
         notes.push(rule.describe());
         warnings.extend(rule.warning());
+        let mut mapping = mapping;
+        if let Some(kind) = guides::depth_kind(&mapping, canvas, first)?
+            && kind != mapping.renderer.depth
+        {
+            notes
+                .push(format!("positions say that depth is {kind:?}, not {:?}", mapping.renderer.depth).to_lowercase());
+            mapping.renderer.depth = kind;
+        }
         let guides = guides::Encodings::find(&mapping, canvas, first)?;
         let mut adapter = Self { mapping, canvas, display, rule, vectors: None, guides, notes, warnings };
         adapter.vectors = adapter.find_vectors(&path, first, second, &options.motion)?;
+        if adapter.vectors.is_none() && !guides::has_cameras(&adapter.mapping, canvas, first) {
+            adapter.warnings.push(
+                "nothing tells what moves (no motion vectors that are understood, no world positions, no camera): every \
+                 frame is filtered by itself, and noise that is left will flicker"
+                    .to_owned(),
+            );
+        }
         if !adapter.has_guides() {
             adapter.warnings.push("no normal, depth or albedo: colour alone steers the filter".to_owned());
         }

@@ -283,6 +283,27 @@ fn depth_is_planar_and_normals_face_the_viewer_whatever_the_file_holds() {
     assert!(agree * 100 > 75 * seen.data().len(), "{agree} of {}", seen.data().len());
 }
 
+#[test]
+fn the_kind_of_depth_is_measured_where_positions_tell_the_camera() {
+    use quell_frames::roles::DepthKind;
+    let Some(frames) = shared_frames() else { return };
+    let open_as = |path: PathBuf, wrong: DepthKind| {
+        let (images, mut mapping) = open(&path);
+        mapping.renderer.depth = wrong;
+        let canvas = images[0].full_window();
+        let adapter = Adapter::new(mapping, canvas, &images, None, &AdaptOptions::default()).unwrap();
+        adapter.mapping().renderer.depth
+    };
+    let kinds = [DepthKind::Planar, DepthKind::Ray, DepthKind::Inverse];
+    for wrong in kinds {
+        assert_eq!(open_as(frames.join("mitsuba_box/noisy/box.0003.exr"), wrong), DepthKind::Ray);
+        assert_eq!(open_as(hall(&frames, 3), wrong), DepthKind::Planar);
+    }
+    // Without positions nothing tells, and nothing moves.
+    let (adapter, _) = adapter(&frames.join("exr_aov/parts_mixed_half_float_uint.exr"));
+    assert!(adapter.warnings().iter().any(|w| w.contains("by itself")), "{:?}", adapter.warnings());
+}
+
 fn find_camera(json: &serde_json::Value, frame: i64) -> Option<serde_json::Value> {
     match json {
         serde_json::Value::Array(all) => all.iter().find_map(|v| find_camera(v, frame)),
