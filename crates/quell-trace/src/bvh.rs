@@ -246,7 +246,7 @@ impl Bvh {
         }
     }
 
-    /// Hands out triangles that the ray may meet before `limit`, until `test` says true; that one is returned.
+    /// Hands out triangles that the ray may meet before `limit`, until `test` says true. Returns whether it did.
     #[inline(always)]
     pub(crate) fn walk_to_any<S: Simd>(
         &self,
@@ -255,7 +255,7 @@ impl Bvh {
         direction: Vec3A,
         limit: f32,
         mut test: impl FnMut(usize) -> bool,
-    ) -> Option<usize> {
+    ) -> bool {
         let slabs = Slabs::new(simd, origin, direction);
         let mut stack = Stack::new(Link::ROOT);
         let mut next = Some(Link::ROOT);
@@ -271,13 +271,13 @@ impl Bvh {
                 } else {
                     for triangle in child.index()..child.index() + child.count() {
                         if test(triangle) {
-                            return Some(triangle);
+                            return true;
                         }
                     }
                 }
             }
             next = stack.pop();
         }
-        None
+        false
     }
 }

@@ -120,20 +120,6 @@ pub(crate) struct TriangleSource {
 /// for this size.
 const INNER_EXPONENT: i32 = 12;
 
-/// The triangles that last stood before a light, the latest first. The next shadow ray, which often starts beside and
-/// goes the same way, asks them before it walks the hierarchy; its answer is the same.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Occluders([u32; OCCLUDERS]);
-
-/// More are met more often and cost more where they are not.
-const OCCLUDERS: usize = 2;
-
-impl Default for Occluders {
-    fn default() -> Self {
-        Self([u32::MAX; OCCLUDERS])
-    }
-}
-
 /// The triangles of one frame and their BVH.
 pub(crate) struct Geometry {
     /// Corners times `inner_from_world`.
@@ -239,14 +225,19 @@ impl Geometry {
         (source.instance, source.triangle)
     }
 
-    /// True where something lies between the origin and `distance` along a unit direction (infinite: anywhere), among the points (triangle, weights of corners 1 and 2) for which `is_there` holds.
+    /// True where something lies between the origin and `distance` along a unit direction (infinite: anywhere).
+    #[inline]
+    pub(crate) fn occluded(&self, origin: Vec3, direction: Vec3, distance: f32) -> bool {
+        self.occluded_where(origin, direction, distance, |_, _| true)
+    }
+
+    /// The same among the points (triangle, weights of corners 1 and 2) for which `is_there` holds.
     #[inline(always)]
     pub(crate) fn occluded_where(
         &self,
         origin: Vec3,
         direction: Vec3,
         distance: f32,
-        occluders: &mut Occluders,
         is_there: impl Fn(u32, Vec2) -> bool,
     ) -> bool {
         let Some(bvh) = self.bvh.as_ref() else { return false };
@@ -259,17 +250,7 @@ impl Geometry {
             Some((_, u, v)) => is_there(index as u32, Vec2::new(u, v)),
             None => false,
         };
-        let known = occluders.0;
-        if let Some(place) = known.iter().position(|&i| (i as usize) < self.triangles.len() && test(i as usize)) {
-            occluders.0[..=place].rotate_right(1);
-            return true;
-        }
-        let found = dispatch!(bvh.level(), simd => bvh.walk_to_any(simd, origin, direction, limit, test));
-        if let Some(triangle) = found {
-            occluders.0.rotate_right(1);
-            occluders.0[0] = triangle as u32;
-        }
-        found.is_some()
+        dispatch!(bvh.level(), simd => bvh.walk_to_any(simd, origin, direction, limit, test))
     }
 
     /// How far a ray that leaves this triangle must start from it, in world units. Grows with the scene's unit.
@@ -300,17 +281,6 @@ impl Geometry {
 mod tests {
     use super::*;
     use proptest::prelude::*;
-
-    /// With what stood before a light elsewhere, which must not change the answer.
-    fn occluded(geometry: &Geometry, origin: Vec3, direction: Vec3, distance: f32) -> bool {
-        let ask =
-            |occluders: &mut Occluders| geometry.occluded_where(origin, direction, distance, occluders, |_, _| true);
-        let answer = ask(&mut Occluders::default());
-        for known in 0..geometry.len() as u32 + 1 {
-            assert_eq!(ask(&mut Occluders([known, u32::MAX])), answer, "with triangle {known} known");
-        }
-        answer
-    }
 
     fn soup(seed: u32, count: usize, scale: f32) -> Geometry {
         // A small multiplicative generator: the test needs variety, not quality.
@@ -347,10 +317,10 @@ mod tests {
                 prop_assert_eq!(found, expected);
                 if let Some(hit) = expected {
                     hits += 1;
-                    prop_assert!(occluded(&geometry, origin, direction, hit.t * 1.01));
-                    prop_assert!(!occluded(&geometry, origin, direction, hit.t * 0.99));
+                    prop_assert!(geometry.occluded(origin, direction, hit.t * 1.01));
+                    prop_assert!(!geometry.occluded(origin, direction, hit.t * 0.99));
                 }
-                prop_assert_eq!(occluded(&geometry, origin, direction, f32::INFINITY), expected.is_some());
+                prop_assert_eq!(geometry.occluded(origin, direction, f32::INFINITY), expected.is_some());
             }
             // Without hits the comparison above would say nothing.
             prop_assert!(count < 100 || hits > 0);
@@ -374,7 +344,7 @@ mod tests {
             let height = 1e-5 * scale;
             let hit = geometry.closest(Vec3::Z * height, Vec3::NEG_Z).unwrap();
             assert!((hit.t / height - 1.0).abs() < 1e-5, "{hit:?} at {scale}");
-            assert!(occluded(&geometry, Vec3::Z * height, Vec3::NEG_Z, 2.0 * height));
+            assert!(geometry.occluded(Vec3::Z * height, Vec3::NEG_Z, 2.0 * height));
         }
     }
 

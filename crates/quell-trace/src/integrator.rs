@@ -7,7 +7,6 @@
 
 use crate::bsdf::Bsdf;
 use crate::cone::Cone;
-use crate::geometry::Occluders;
 use crate::lights::LightSample;
 use crate::material::MaterialModel;
 use crate::primary::{self, PrimaryReplacement};
@@ -88,15 +87,6 @@ impl RayCounts {
     }
 }
 
-/// What the rays of neighbouring pixels share.
-#[derive(Clone, Debug, Default)]
-pub(crate) struct Rays {
-    pub(crate) counts: RayCounts,
-    /// What last stood before a light: of the direct term, and of paths.
-    direct_occluders: Occluders,
-    path_occluders: Occluders,
-}
-
 /// Light transport in one world.
 pub(crate) struct Integrator<'w, 's> {
     pub(crate) world: &'w World<'s>,
@@ -148,7 +138,7 @@ impl Integrator<'_, '_> {
         seen: Seen,
         scatterings: u32,
         sampler: &mut Sampler,
-        rays: &mut Rays,
+        rays: &mut RayCounts,
     ) -> Incoming {
         self.walk(origin, direction, cone, seen, scatterings, false, sampler, rays)
     }
@@ -161,7 +151,7 @@ impl Integrator<'_, '_> {
         direction: Vec3,
         cone: Cone,
         sampler: &mut Sampler,
-        rays: &mut Rays,
+        rays: &mut RayCounts,
     ) -> Vec3 {
         self.walk(origin, direction, cone, Seen::Share(1.0), self.bounces + 1, true, sampler, rays).radiance
     }
@@ -176,7 +166,7 @@ impl Integrator<'_, '_> {
         mut scatterings: u32,
         mut from_eye: bool,
         sampler: &mut Sampler,
-        rays: &mut Rays,
+        rays: &mut RayCounts,
     ) -> Incoming {
         let mut chain = 0;
         let mut throughput = Vec3::ONE;
@@ -188,7 +178,7 @@ impl Integrator<'_, '_> {
             if last && segment > 0 && (!self.sources.can_be_hit() || matches!(seen, Seen::Share(0.0))) {
                 break;
             }
-            rays.counts.closest += 1;
+            rays.closest += 1;
             let veils = self.world.veils(sampler, direction);
             let Some(hit) = self.world.closest(origin, direction, veils) else {
                 let environment = self.sources.environment(direction);
@@ -279,7 +269,7 @@ impl Integrator<'_, '_> {
     }
 
     /// Light of one sampled source, weighted against the surface's own sampling.
-    fn one_light_sample(&self, point: &SurfacePoint, bsdf: &Bsdf, sampler: &mut Sampler, rays: &mut Rays) -> Vec3 {
+    fn one_light_sample(&self, point: &SurfacePoint, bsdf: &Bsdf, sampler: &mut Sampler, rays: &mut RayCounts) -> Vec3 {
         let u = sampler.next_3d();
         let Some(mut light) = self.sources.sample(point.position, light_side(bsdf), u) else { return Vec3::ZERO };
         self.look_up(&mut light);
@@ -287,15 +277,9 @@ impl Integrator<'_, '_> {
         if value.max_element() <= 0.0 || light.radiance.max_element() <= 0.0 {
             return Vec3::ZERO;
         }
-        rays.counts.shadow += 1;
+        rays.shadow += 1;
         let (origin, direction, distance) = point.shadow_ray(light.wi, light.distance);
-        if self.world.occluded(
-            origin,
-            direction,
-            distance,
-            self.world.veils(sampler, direction),
-            &mut rays.path_occluders,
-        ) {
+        if self.world.occluded(origin, direction, distance, self.world.veils(sampler, direction)) {
             return Vec3::ZERO;
         }
         let weight = if light.delta { 1.0 } else { power_heuristic(light.pdf, bsdf.pdf(light.wi)) };
@@ -311,7 +295,7 @@ impl Integrator<'_, '_> {
         count: u32,
         pass: u32,
         sampler: &Sampler,
-        rays: &mut Rays,
+        rays: &mut RayCounts,
     ) -> Vec3 {
         if count == 0 || self.sources.is_empty() || bsdf.is_delta_only() {
             return Vec3::ZERO;
@@ -347,15 +331,9 @@ impl Integrator<'_, '_> {
             if value.max_element() <= 0.0 || light.radiance.max_element() <= 0.0 {
                 return;
             }
-            rays.counts.shadow += 1;
+            rays.shadow += 1;
             let (origin, direction, distance) = point.shadow_ray(light.wi, light.distance);
-            if self.world.occluded(
-                origin,
-                direction,
-                distance,
-                self.world.veils(sampler, direction),
-                &mut rays.direct_occluders,
-            ) {
+            if self.world.occluded(origin, direction, distance, self.world.veils(sampler, direction)) {
                 return;
             }
             let density = n_light * light.pdf + if light.delta { 0.0 } else { lobe_density(light.wi) };
@@ -396,9 +374,9 @@ impl Integrator<'_, '_> {
         normal: Vec3,
         wi: Vec3,
         sampler: &Sampler,
-        rays: &mut Rays,
+        rays: &mut RayCounts,
     ) -> (Vec3, f32) {
-        rays.counts.closest += 1;
+        rays.closest += 1;
         match self.world.closest(from.ray_origin(wi), wi, self.world.veils(sampler, wi)) {
             None => (self.sources.environment(wi), self.sources.pdf_of_environment(from.position, normal, wi)),
             Some(hit) => {
@@ -422,7 +400,13 @@ impl Integrator<'_, '_> {
     }
 
     /// One matte path: light of a cosine-distributed direction, without the weight of the surface.
-    pub(crate) fn matte_path(&self, point: &SurfacePoint, bsdf: &Bsdf, sampler: &Sampler, rays: &mut Rays) -> Incoming {
+    pub(crate) fn matte_path(
+        &self,
+        point: &SurfacePoint,
+        bsdf: &Bsdf,
+        sampler: &Sampler,
+        rays: &mut RayCounts,
+    ) -> Incoming {
         let mut sampler = sampler.fork(Domain::Matte as u32);
         let wi = bsdf.sample_matte(sampler.next_2d());
         if bsdf.normal().dot(wi) <= 0.0 || bsdf.geometric_normal().dot(wi) <= 0.0 {
@@ -448,14 +432,14 @@ impl Integrator<'_, '_> {
         bsdf: &Bsdf,
         exact: bool,
         sampler: &Sampler,
-        rays: &mut Rays,
+        rays: &mut RayCounts,
     ) -> Incoming {
         let mut sampler = sampler.fork(Domain::Glossy as u32);
         let Some(sample) = bsdf.sample_glossy(sampler.next_2d()) else {
             // Below the horizon: no light. The distance must not say so, or filters sized by it would treat dark
             // samples differently from bright ones, which is bias: it is that of the lobe's middle.
             let mirror = bsdf.mirror_direction();
-            rays.counts.closest += 1;
+            rays.closest += 1;
             let veils = self.world.veils(&sampler, mirror);
             let hit = self.world.closest(point.ray_origin(mirror), mirror, veils);
             let distance = hit.map_or(f32::INFINITY, |h| h.t);
@@ -478,7 +462,7 @@ impl Integrator<'_, '_> {
         point: &SurfacePoint,
         bsdf: &Bsdf,
         sampler: &Sampler,
-        rays: &mut Rays,
+        rays: &mut RayCounts,
     ) -> Vec3 {
         let mut sampler = sampler.fork(Domain::Transmission as u32);
         let Some(sample) = bsdf.sample_transmission(sampler.next_2d()) else { return Vec3::ZERO };

@@ -7,7 +7,7 @@
 
 use crate::bsdf::Bsdf;
 use crate::cone::Cone;
-use crate::integrator::{Integrator, Rays};
+use crate::integrator::{Integrator, RayCounts};
 use crate::world::{SurfacePoint, Veils};
 use glam::{Vec2, Vec3};
 use quell::{Camera, Projection};
@@ -137,7 +137,7 @@ impl Integrator<'_, '_> {
     }
 
     /// Follows the eye ray to the primary surface.
-    pub(crate) fn primary(&self, views: &Views, pixel: Vec2, rays: &mut Rays) -> Primary {
+    pub(crate) fn primary(&self, views: &Views, pixel: Vec2, rays: &mut RayCounts) -> Primary {
         let (eye, eye_direction, mut cone) = self.eye_ray(views, pixel);
         let (mut origin, mut direction) = (eye, eye_direction);
         let mut veils: Vec<Vertex> = Vec::new();
@@ -149,7 +149,7 @@ impl Integrator<'_, '_> {
         // Stays 0 while the chain only looks straight through panes: light behind them is the same as beside them.
         let mut chain_id = 0_u32;
         loop {
-            rays.counts.closest += 1;
+            rays.closest += 1;
             let Some(hit) = self.world.closest(origin, direction, Veils::All) else {
                 let guides = background(views, direction, chain_id != 0);
                 return Primary { surface: None, glass, veils, behind, escape: (direction, throughput), guides };

@@ -1,7 +1,7 @@
 //! [`Tracer`]: one frame of a scene, rendered to the planes that the denoiser reads, or to a reference.
 
 use crate::hash::Hash;
-use crate::integrator::{Domain, Incoming, Integrator, RayCounts, Rays};
+use crate::integrator::{Domain, Incoming, Integrator, RayCounts};
 use crate::material::{MIRROR_ROUGHNESS, MaterialModel};
 use crate::primary::{Guides, Primary, PrimaryReplacement, Vertex, Views};
 use crate::sampler::Sampler;
@@ -547,7 +547,7 @@ impl<'s> Tracer<'s> {
         direct_samples: u32,
         pass: u32,
         sampler: &Sampler,
-        rays: &mut Rays,
+        rays: &mut RayCounts,
     ) -> Vec3 {
         let count = direct_samples.div_ceil(4).max(1);
         let stream = |i: u32| sampler.with_index(pass.wrapping_mul(count).wrapping_add(i));
@@ -608,7 +608,7 @@ impl<'s> Tracer<'s> {
         direct_samples: u32,
         pass: u32,
         sampler: &Sampler,
-        rays: &mut Rays,
+        rays: &mut RayCounts,
     ) -> Vec3 {
         let Vertex { point, bsdf, .. } = vertex;
         let count = direct_samples.div_ceil(4).max(1);
@@ -630,7 +630,7 @@ impl<'s> Tracer<'s> {
         primary: &Primary,
         surface: &Vertex,
         sampler: &Sampler,
-        rays: &mut Rays,
+        rays: &mut RayCounts,
     ) -> (Incoming, Incoming) {
         let matte = integrator.matte_path(&surface.point, &surface.bsdf, sampler, rays);
         let reflecting = primary.glass.first().unwrap_or(surface);
@@ -645,7 +645,7 @@ impl<'s> Tracer<'s> {
         options: &RenderOptions,
         x: usize,
         y: usize,
-        rays: &mut Rays,
+        rays: &mut RayCounts,
     ) -> PixelValue {
         let primary = integrator.primary(views, Self::sample_position(views, x, y), rays);
         let pixel = (x as u32, y as u32);
@@ -702,7 +702,7 @@ impl<'s> Tracer<'s> {
         samples: Range<u32>,
         x: usize,
         y: usize,
-        rays: &mut Rays,
+        rays: &mut RayCounts,
     ) -> (Vec3, Vec3, Vec3, Vec3, Vec3) {
         let pixel = (x as u32, y as u32);
         let mut beauty = Moments64::default();
@@ -794,7 +794,7 @@ fn jitter_of(frame: i64) -> [f32; 2] {
 fn for_each_pixel<T: Send>(
     size: Size,
     control: &Control<'_>,
-    compute: impl Fn(usize, usize, &mut Rays) -> T + Sync,
+    compute: impl Fn(usize, usize, &mut RayCounts) -> T + Sync,
     mut store: impl FnMut(usize, usize, T),
 ) -> Result<RayCounts, TraceError> {
     /// Pixels of a task: short enough to balance, long enough to be worth handing out.
@@ -810,10 +810,10 @@ fn for_each_pixel<T: Send>(
         let tasks: Vec<(Vec<T>, RayCounts)> = (0..pixels.div_ceil(TASK_PIXELS))
             .into_par_iter()
             .map(|task| {
-                let mut rays = Rays::default();
+                let mut rays = RayCounts::default();
                 let range = task * TASK_PIXELS..((task + 1) * TASK_PIXELS).min(pixels);
                 let values = range.map(|i| compute(i % size.width, y0 + i / size.width, &mut rays)).collect::<Vec<T>>();
-                (values, rays.counts)
+                (values, rays)
             })
             .collect();
         let mut i = 0;

@@ -2,7 +2,7 @@
 
 use crate::appearance::{self, Coverage, Frame, Spot};
 use crate::cone::{Cone, Footprint};
-use crate::geometry::{Geometry, Hit, Occluders, Triangle, TriangleSource};
+use crate::geometry::{Geometry, Hit, Triangle, TriangleSource};
 use crate::material::Material;
 use crate::sampler::Sampler;
 use crate::scene::{Deformed, Mesh, PointlikeLight, Scene, SceneError};
@@ -320,19 +320,12 @@ impl<'s> World<'s> {
 
     /// True where something lies between the origin and `distance` along a unit direction (infinite: anywhere).
     #[inline]
-    pub(crate) fn occluded(
-        &self,
-        origin: Vec3,
-        direction: Vec3,
-        distance: f32,
-        veils: Veils,
-        occluders: &mut Occluders,
-    ) -> bool {
+    pub(crate) fn occluded(&self, origin: Vec3, direction: Vec3, distance: f32, veils: Veils) -> bool {
         if !self.has_coverage {
-            return self.geometry.occluded_where(origin, direction, distance, occluders, |_, _| true);
+            return self.geometry.occluded(origin, direction, distance);
         }
         let there = |triangle, weights| self.is_there(triangle, weights, veils);
-        self.geometry.occluded_where(origin, direction, distance, occluders, there)
+        self.geometry.occluded_where(origin, direction, distance, there)
     }
 
     /// Radiance of a point of an emissive triangle (weights of its corners in the order of [`EmissiveTriangle`]) at the
