@@ -8,6 +8,7 @@ mod back;
 mod camera;
 mod guides;
 mod lights;
+mod moving;
 mod noise;
 mod planes;
 
@@ -194,7 +195,7 @@ impl Adapter {
         let beauty =
             self.mapping.get(Role::Beauty).map(|pass| planes::colour(images, pass, self.canvas)).transpose()?;
         let last = links.last.take().filter(|last| last.number + 1 == number && last.size == frame.size);
-        guides::motion(self, &mut frame, images, camera.as_ref(), last.as_ref(), &mut notes)?;
+        moving::motion(self, &mut frame, images, camera.as_ref(), last.as_ref(), &mut notes)?;
         let beauty: Plane<Rgb> = beauty.unwrap_or_else(|| frame.beauty());
         let trace = noise::Trace::of(&frame, &beauty, camera);
         if let Some(last) = &last
@@ -250,8 +251,8 @@ impl Adapter {
             return Ok(None);
         };
         let evidence = {
-            let a = guides::for_motion(self, first, role)?;
-            let b = guides::for_motion(self, second, role)?;
+            let a = moving::for_motion(self, first, role)?;
+            let b = moving::for_motion(self, second, role)?;
             find_motion(&a.guides(), &b.guides())
         };
         match evidence {

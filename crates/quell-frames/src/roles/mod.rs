@@ -2,6 +2,7 @@
 
 mod aliases;
 mod mapping;
+mod names;
 mod role;
 
 pub use aliases::{ALIASES, Aliases, DepthKind, Renderer, Space};
