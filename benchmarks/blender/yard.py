@@ -1,8 +1,9 @@
 """A yard in the sun: the reported second sequence. Another character than the hall: outdoors, thin things everywhere.
 
-A picket fence and a wire one, a bush and a tree of single leaves, grass, a bicycle wheel that spins 11 degrees a frame, a
-flat mirror, a clear glass ball, a car-like varnished body, hard shadows of the sun, a cloudy sky; the camera orbits
-1.6 degrees a frame. The variants: `f14` is a lens at f/1.4 focused before the wheel, `fog` fills the yard with a thin mist.
+A picket fence and a wire one, bushes and a tree of single leaves, a veranda in the shade, a bicycle wheel that spins 11
+degrees a frame, a flat mirror, a clear glass ball, a varnished body, hard shadows of the sun, a cloudy sky; the camera
+orbits 1.6 degrees a frame. The variants: `f14` is a lens at f/1.4 focused before the wheel, `fog` fills the yard with a
+thin mist.
 """
 import math
 import random
@@ -38,9 +39,9 @@ def grass(rng, count):
         x, y = rng.uniform(-4.5, 4.5), rng.uniform(-4.5, 4.0)
         if abs(x) < 1.2 and abs(y) < 1.2:
             continue
-        h, a = rng.uniform(0.05, 0.16), rng.uniform(0, 6.2832)
+        h, a = rng.uniform(0.08, 0.22), rng.uniform(0, 6.2832)
         lean = Vector((math.cos(a), math.sin(a), 0)) * 0.05
-        side = Vector((-math.sin(a), math.cos(a), 0)) * 0.008
+        side = Vector((-math.sin(a), math.cos(a), 0)) * 0.012
         base = Vector((x, y, 0))
         start = len(points)
         points += [base - side, base + side, base + lean + Vector((0, 0, h))]
@@ -62,13 +63,17 @@ def build():
     mirror = kit.principled("mirror", (0.95, 0.95, 0.95), 0.0, metal=1.0)
     varnish = kit.principled("varnish", (0.55, 0.03, 0.03), 0.35, coat=1.0)
     clear = kit.glass("glass", (0.96, 1.0, 0.98))
-    brick = kit.diffuse("brick", kit.bricks((0.50, 0.26, 0.17), (0.40, 0.19, 0.13), (0.66, 0.62, 0.56), 2.0, (math.pi / 2, 0, 0)))
+    brick = kit.diffuse("brick", kit.bricks((0.50, 0.26, 0.17), (0.40, 0.19, 0.13), (0.66, 0.62, 0.56), 1.1, (math.pi / 2, 0, 0)))
     wire = kit.principled("wire", (0.5, 0.5, 0.52), 0.35, metal=1.0)
 
     kit.box("ground", (-60, -60, -0.2), (60, 60, 0.0), lawn)
     kit.box("terrace", (-1.25, -1.25, 0.0), (1.25, 1.25, 0.03), paving)
-    kit.mesh("grass", *grass(rng, 5000), blade)
+    kit.mesh("grass", *grass(rng, 900), blade)
     kit.box("house", (0.9, 5.6, 0.0), (7.0, 6.2, 3.4), brick)
+    # a veranda before it: shade that only sky and ground light
+    kit.box("roof", (-0.2, 2.4, 2.15), (7.0, 5.6, 2.3), bark)
+    columns = [kit.rod_shape((x, 2.55, 0), (x, 2.55, 2.15), 0.05) for x in (-0.1, 3.3, 6.8)]
+    kit.mesh("columns", *kit.join(columns), paint, smooth=True)
     kit.box("door", (1.8, 5.56, 0.0), (2.7, 5.6, 2.1), paint)
 
     # fences: white pickets behind, thin wires before the tree
@@ -86,13 +91,13 @@ def build():
         a, z = 2.399 * i, 1.1 + 0.09 * i
         twigs.append(kit.rod_shape((-2.2, 1.6, z), (-2.2 + 0.8 * math.cos(a), 1.6 + 0.8 * math.sin(a), z + 0.5), 0.014, 6))
     kit.mesh("twigs", *kit.join(twigs), bark)
-    kit.mesh("crown", *leaves(rng, (-2.2, 1.6, 2.35), (1.15, 1.15, 0.85), 1700, 0.07), green)
-    kit.mesh("bush", *leaves(rng, (2.5, 2.2, 0.45), (0.7, 0.55, 0.5), 1300, 0.055), light_green)
+    kit.mesh("crown", *leaves(rng, (-2.2, 1.6, 2.35), (1.15, 1.15, 0.85), 620, 0.14), green)
+    kit.mesh("bush", *leaves(rng, (2.5, 2.2, 0.45), (0.7, 0.55, 0.5), 420, 0.12), light_green)
     # a hedge and posts behind the camera, for the mirror
     kit.mesh("hedge", *leaves(rng, (4.5, -7.2, 0.9), (5.0, 0.7, 1.1), 4000, 0.12), green)
     posts = [kit.rod_shape((1.0 + i, -6.2, 0), (1.0 + i, -6.2, 2.6), 0.06) for i in range(7)]
     kit.mesh("posts", *kit.join(posts), paint)
-    kit.mesh("bush_b", *leaves(rng, (-0.6, 3.0, 0.3), (0.5, 0.35, 0.35), 700, 0.05), green)
+    kit.mesh("bush_b", *leaves(rng, (-0.6, 3.0, 0.3), (0.5, 0.35, 0.35), 260, 0.11), green)
 
     # the wheel on its stand: rim, tyre, 28 spokes, hub; it turns about the y axis
     stand = [kit.rod_shape((-0.05 + s, y, 0.03), (-0.05, y, 0.62), 0.014) for s in (-0.22, 0.22) for y in (-0.09, 0.09)]
@@ -123,7 +128,7 @@ def build():
     kit.ball("chrome_ball", 0.13, chrome, (-0.35, -0.85, 0.03))
 
     kit.light("sun", "SUN", (0, 0, 10), 4.0, (1.0, 0.94, 0.84), towards=(0.55, 0.62, -0.72), angle=math.radians(0.53))
-    kit.sky((0.80, 0.88, 1.0), (0.16, 0.34, 0.80), 1.0, clouds=0.9)
+    kit.sky((0.80, 0.88, 1.0), (0.16, 0.34, 0.80), 1.5, clouds=0.9)
 
     camera = kit.camera(35.0)
 

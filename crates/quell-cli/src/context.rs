@@ -4,11 +4,15 @@ use crate::args::Common;
 use crate::args::values::BackendChoice;
 use crate::failure::Failure;
 use crate::output;
+use quell::sequence::{SEQUENCE_PARAMETERS, SequenceSettings};
 use quell::settings::PARAMETERS;
 use quell::{Backend, Preset, Settings};
 use quell_lab::report::Report;
 use serde_json::{Map, Value};
 use std::path::{Path, PathBuf};
+
+/// The one preset of the filter of sequences.
+pub const SEQUENCE_PRESET: &str = "sequence";
 
 /// Resolved from the common options.
 #[derive(Clone, Debug)]
@@ -55,6 +59,42 @@ impl Context {
             backend,
             command: command_line(),
         })
+    }
+
+    /// For the filter of sequences, which has parameters of its own: what a command without them runs on, and those.
+    pub fn for_sequences(common: &Common) -> Result<(Self, SequenceSettings), Failure> {
+        let file = common.settings.as_deref().map(SettingsFile::read).transpose()?.unwrap_or_default();
+        if let Some(other) = common.preset.as_deref().or(file.preset.as_deref()).filter(|name| *name != SEQUENCE_PRESET)
+        {
+            return Err(Failure::Usage(format!("no preset `{other}` for sequences; there is: {SEQUENCE_PRESET}")));
+        }
+        if common.backend == Some(BackendChoice::Reference) {
+            return Err(Failure::Usage("the filter of sequences has one back end: cpu".to_owned()));
+        }
+        let mut settings = SequenceSettings::default();
+        for (name, value) in &file.values {
+            let place = |e: quell::Error| Failure::Usage(format!("{}: {e}", file.path.display()));
+            settings.set(name, value).map_err(place)?;
+        }
+        for setting in &common.set {
+            settings.set(&setting.name, &setting.value)?;
+        }
+        let plain = Common { preset: None, set: Vec::new(), settings: None, ..common.clone() };
+        Ok((Self::new(&plain)?, settings))
+    }
+
+    /// A report with the settings of the filter of sequences.
+    pub fn sequence_report(&self, settings: &SequenceSettings) -> Report {
+        let mut report = self.report();
+        report.settings.clear();
+        report.settings.insert("preset".to_owned(), SEQUENCE_PRESET.into());
+        report.settings.insert("backend".to_owned(), backend_name(Backend::Cpu).into());
+        for parameter in SEQUENCE_PARAMETERS {
+            if let Ok(value) = settings.get(parameter.name) {
+                report.settings.insert(parameter.name.to_owned(), value.into());
+            }
+        }
+        report
     }
 
     /// The same without messages.

@@ -65,15 +65,25 @@ impl Progress {
 
     /// Step `index` (from 0) is done.
     pub fn done(&self, index: usize) {
+        self.done_with(index, "");
+    }
+
+    /// The same with something said of it.
+    pub fn done_with(&self, index: usize, note: &str) {
         let done = (index as u64 + 1) * TICKS;
         match &self.shown {
             Shown::Nothing => {}
-            Shown::Bar(bar) => bar.set_position(done),
+            Shown::Bar(bar) => {
+                if !note.is_empty() {
+                    bar.set_message(format!("{} {} of {}: {note}", self.what, index + 1, self.steps));
+                }
+                bar.set_position(done);
+            }
             Shown::Lines(last) => {
                 if let Ok(mut last) = last.lock() {
                     *last = Instant::now();
                 }
-                eprintln!("{}", self.line(done, index));
+                eprintln!("{}", format!("{} {note}", self.line(done, index)).trim_end());
             }
         }
     }

@@ -57,7 +57,9 @@ pub fn write_whole<T>(path: &Path, fill: impl FnOnce(&mut BufWriter<File>) -> Re
     temporary_name.push(name);
     temporary_name.push(format!(".{}-{}.part", std::process::id(), COUNTER.fetch_add(1, Ordering::Relaxed)));
     let temporary = Temporary { path: folder.join(temporary_name) };
-    let file = File::create_new(&temporary.path).map_err(|e| Error::io(path, "write", e))?;
+    // Also for reading: what was written may be put in order before it is shown.
+    let file = File::options().read(true).write(true).create_new(true).open(&temporary.path);
+    let file = file.map_err(|e| Error::io(path, "write", e))?;
     let mut writer = BufWriter::new(file);
     let result = fill(&mut writer)?;
     writer.flush().map_err(|e| Error::io(path, "write", e))?;

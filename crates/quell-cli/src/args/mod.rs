@@ -2,6 +2,7 @@
 //! each command.
 
 pub mod compare;
+pub mod denoise;
 pub mod environment;
 pub mod ranges;
 pub mod scene;
@@ -10,6 +11,7 @@ pub mod values;
 use clap::{Args, Parser, Subcommand};
 use clap_complete::Shell;
 pub use compare::CompareArgs;
+pub use denoise::DenoiseArgs;
 use quell::Size;
 use quell_trace::Estimator;
 use ranges::Frames;
@@ -80,6 +82,7 @@ pub struct Common {
 pub enum Command {
     Demo(DemoArgs),
     Render(RenderArgs),
+    Denoise(DenoiseArgs),
     Compare(CompareArgs),
     Scenes(ScenesArgs),
     Score(ScoreArgs),

@@ -1,4 +1,5 @@
-//! Ranges of frames: `1001-1100`, `1001-1100x2`, `1,4,7-9`, `-10--1`. Inclusive.
+//! Ranges of frames: `1001-1100`, `1001-1100x2` (or `:2`, as Open Job Description writes it), `1,4,7-9`, `-10--1`.
+//! Inclusive.
 
 use std::str::FromStr;
 
@@ -54,7 +55,7 @@ fn parsed(part: &str) -> Option<(i64, i64, u64)> {
         let only = number(part)?;
         return Some((only, only, 1));
     };
-    let (last, step) = match part[dash + 1..].split_once('x') {
+    let (last, step) = match part[dash + 1..].split_once(['x', ':']) {
         Some((last, step)) if step.bytes().all(|b| b.is_ascii_digit()) => (last, step.parse().ok().filter(|s| *s > 0)?),
         Some(_) => return None,
         None => (&part[dash + 1..], 1),
@@ -80,6 +81,7 @@ mod tests {
     fn ranges_are_inclusive_sorted_and_without_repeats() {
         assert_eq!(numbers("1001-1004"), [1001, 1002, 1003, 1004]);
         assert_eq!(numbers("1001-1006x2"), [1001, 1003, 1005]);
+        assert_eq!(numbers("1001-1006:2"), [1001, 1003, 1005]);
         assert_eq!(numbers("1,4,7-9"), [1, 4, 7, 8, 9]);
         assert_eq!(numbers("-10--7"), [-10, -9, -8, -7]);
         assert_eq!(numbers("-2-1"), [-2, -1, 0, 1]);

@@ -3,6 +3,7 @@
 mod bench;
 mod compare;
 mod demo;
+mod denoise;
 mod explain;
 mod explain_scene;
 mod render;
@@ -21,7 +22,7 @@ const WELCOME: &str = "\
 quell removes the noise from path-traced animations.
   quell demo                        see it: pictures, a page to open, a table of scores (about a minute)
   quell scenes                      what else there is to render: quell render SCENE -o DIR
-  quell explain                     the stages and every parameter; change one with --set stage.parameter=value
+  quell denoise shot.####.exr -o clean/   your own frames: EXR sequences of Blender and other renderers
   quell --help                      all commands; each has a --help of its own that begins with an example";
 
 /// Does what the user typed.
@@ -36,9 +37,19 @@ pub fn run(cli: Cli) -> Result<(), Failure> {
     }
     let Some(command) = cli.command else { return output::print(WELCOME) };
     let in_threads = || {
+        let command = match command {
+            Command::Denoise(args) => {
+                let (context, settings) = Context::for_sequences(&cli.common)?;
+                interrupt::install()?;
+                return denoise::run(&context, settings, args);
+            }
+            other => other,
+        };
         let context = Context::new(&cli.common)?;
         interrupt::install()?;
         match command {
+            // Handled above: its settings are others.
+            Command::Denoise(_) => Ok(()),
             Command::Demo(args) => demo::run(&context, args),
             Command::Render(args) => render::run(&context, args),
             Command::Compare(args) => compare::run(&context, args),

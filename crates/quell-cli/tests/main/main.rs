@@ -1,6 +1,7 @@
 //! The built program as a user meets it: help, usage errors, output on both streams, files, interrupts.
 
 mod compare;
+mod denoise;
 mod gltf;
 mod score;
 
@@ -54,7 +55,8 @@ impl Drop for Folder {
     }
 }
 
-const COMMANDS: [&str; 8] = ["demo", "render", "compare", "score", "scenes", "bench", "reproduce", "explain"];
+const COMMANDS: [&str; 9] =
+    ["demo", "render", "denoise", "compare", "score", "scenes", "bench", "reproduce", "explain"];
 /// The smallest run that has everything.
 const SMALL: [&str; 6] = ["render", "cornell-box", "--size", "48x27", "--direct-samples", "2"];
 

@@ -3,6 +3,8 @@
 //! ```text
 //! plan.rs      which frames are read, in which order, where history starts afresh
 //! pipeline.rs  reading, filtering and writing at the same time; what becomes of each frame
+//! cuts.rs      shots told apart by their guides
+//! job.rs       what the user asked for, made ready and run
 //! output.rs    where frames go, what may stand there, which need not be made again
 //! clock.rs     processor seconds of each of the three
 //! ```
@@ -11,11 +13,15 @@
 //! the same bits, and neighbours of what is written are read as needed.
 
 pub mod clock;
+pub mod cuts;
+pub mod job;
 pub mod output;
 pub mod pipeline;
 pub mod plan;
 
 pub use clock::{StageTime, Times};
+pub use cuts::CutGuides;
+pub use job::{Job, JobOptions};
 pub use output::{Destination, Existing, JOB_ATTRIBUTE, is_done, job_key};
 pub use pipeline::{Event, Fate, Files, Outcome, RunOptions, Window, run};
 pub use plan::{Plan, Step, ranges};

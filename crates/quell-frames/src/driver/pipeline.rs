@@ -18,11 +18,11 @@ pub trait Files: Sync {
     /// A frame as filtered.
     type Done: Send;
 
-    /// Reads a frame.
+    /// Reads a frame; sentences that the user should see come with it.
     ///
     /// # Errors
     /// The frame fails, and counts as a gap for its neighbours.
-    fn read(&self, number: i64, wanted: bool) -> Result<Self::Loaded, Error>;
+    fn read(&self, number: i64, wanted: bool) -> Result<(Self::Loaded, Vec<String>), Error>;
 
     /// Writes a frame whole or not at all; sentences that the user should see come back.
     ///
@@ -192,9 +192,11 @@ fn read_all<F: Files>(
             break;
         }
         let loaded = busy.during(|| files.read(step.number, step.wanted));
-        if loaded.is_ok() {
+        let loaded = loaded.map(|(loaded, notes)| {
             told(Event::Read(step.number));
-        }
+            notes.into_iter().for_each(|note| told(Event::Note(note)));
+            loaded
+        });
         if to.send((step, loaded)).is_err() {
             break;
         }

@@ -4,6 +4,7 @@
 //! [`ExrImage::write`] writes an image back: what was not replaced comes out as it went in.
 
 mod check;
+mod order;
 mod read;
 mod write;
 

@@ -1,5 +1,6 @@
 //! Writing an image back: replaced channels anew, everything else as it was.
 
+use super::order::sort_attributes;
 use super::read::{BlockPlace, Source};
 use super::{ExrImage, Part, compression_name};
 use crate::error::Error;
@@ -12,7 +13,7 @@ use exr::meta::{BlockDescription, compute_chunk_count};
 use exr::prelude::{Compression, LineOrder};
 use rayon::prelude::*;
 use std::fs::File;
-use std::io::{BufReader, BufWriter};
+use std::io::{BufReader, BufWriter, Write};
 use std::path::Path;
 
 /// Blocks that are held compressed before they are written.
@@ -61,7 +62,10 @@ impl ExrImage {
             .zip(&self.parts)
             .any(|(plan, part)| plan.copied || part.channels.iter().any(|channel| channel.samples.is_none()));
         let mut source = if needs_source { Some(Source::reopen(self)?) } else { None };
-        write_whole(path, |writer| self.write_parts(path, writer, &plans, source.as_mut()))?;
+        write_whole(path, |writer| {
+            self.write_parts(path, writer, &plans, source.as_mut())?;
+            writer.flush().and_then(|()| sort_attributes(writer.get_mut())).map_err(|e| Error::io(path, "write", e))
+        })?;
         written.bytes = std::fs::metadata(path).map_err(|e| Error::io(path, "read", e))?.len();
         Ok(written)
     }

@@ -2,6 +2,7 @@
 
 mod adapt;
 mod aov;
+mod driver;
 mod frames;
 mod made;
 mod replay;

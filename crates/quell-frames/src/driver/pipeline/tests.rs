@@ -22,12 +22,12 @@ impl Files for Numbers {
     type Loaded = i64;
     type Done = Vec<i64>;
 
-    fn read(&self, number: i64, _wanted: bool) -> Result<i64, Error> {
+    fn read(&self, number: i64, _wanted: bool) -> Result<(i64, Vec<String>), Error> {
         self.reads.lock().unwrap().push(number);
         if self.unreadable.contains(&number) {
             return Err(refused(std::io::ErrorKind::UnexpectedEof, "read"));
         }
-        Ok(number)
+        Ok((number, Vec::new()))
     }
 
     fn write(&self, number: i64, done: Vec<i64>) -> Result<Vec<String>, Error> {
@@ -237,7 +237,7 @@ fn costs_are_told_apart() {
     impl Files for Costly {
         type Loaded = i64;
         type Done = Vec<i64>;
-        fn read(&self, number: i64, wanted: bool) -> Result<i64, Error> {
+        fn read(&self, number: i64, wanted: bool) -> Result<(i64, Vec<String>), Error> {
             use rayon::prelude::*;
             (0..2).into_par_iter().for_each(|_| spend(0.01));
             self.0.read(number, wanted)

@@ -1,0 +1,205 @@
+//! `quell denoise`: an EXR sequence of any renderer, filtered.
+
+use crate::args::DenoiseArgs;
+use crate::args::denoise::{History, Passes};
+use crate::args::ranges::Frames;
+use crate::context::Context;
+use crate::failure::Failure;
+use crate::progress::Progress;
+use crate::{interrupt, output};
+use quell::sequence::SequenceSettings;
+use quell_frames::adapt::{AdaptOptions, MotionChoice};
+use quell_frames::driver::{Destination, Event, Existing, Fate, Job, JobOptions, Outcome, StageTime, Times};
+use quell_frames::roles::MapOptions;
+use quell_lab::report::{FrameStatus, Status};
+use serde_json::{Map, Value, json};
+use std::collections::BTreeMap;
+use std::sync::Mutex;
+use std::time::Instant;
+
+pub fn run(context: &Context, settings: SequenceSettings, args: DenoiseArgs) -> Result<(), Failure> {
+    let dry_run = args.dry_run;
+    let job = Job::open(options(settings, args)?)?;
+    context.detail(job.mapping().trim_end());
+    for note in job.notes() {
+        context.note(&format!("warning: {note}"));
+    }
+    if dry_run {
+        let text = job.describe();
+        return context.finish(&report(context, &job, None, &[]), further(&job, None), &text);
+    }
+    if job.plan().wanted() == 0 && job.plan().missing.is_empty() {
+        context.note("nothing to do: every frame is there already");
+        return context.finish(&report(context, &job, None, &[]), further(&job, None), "");
+    }
+    output::check_folder(job.folder())?;
+    let (outcome, warnings) = filter(context, &job)?;
+    finish(context, &job, &outcome, warnings)
+}
+
+/// From what the user typed to what the driver takes.
+fn options(mut settings: SequenceSettings, args: DenoiseArgs) -> Result<JobOptions, Failure> {
+    if args.history == History::Past {
+        settings.gather.future = false;
+    }
+    let destination = Destination::parse(&args.output).map_err(Failure::Usage)?;
+    let existing = match (args.skip_existing, args.resume, args.overwrite) {
+        (true, ..) => Existing::Skip,
+        (_, true, _) => Existing::Resume,
+        (_, _, true) => Existing::Overwrite,
+        _ => Existing::Ours,
+    };
+    let aliases = args.aliases.or_else(|| std::env::var_os("QUELL_ALIASES").filter(|v| !v.is_empty()).map(Into::into));
+    let numbers = |frames: &Frames| frames.numbers().to_vec();
+    Ok(JobOptions {
+        inputs: args.inputs,
+        destination,
+        existing,
+        frames: args.frames.as_ref().map(numbers),
+        shot: args.shot.as_ref().map(numbers),
+        cuts: args.cuts.map(|cuts| cuts.0),
+        map: MapOptions { layer: args.view_layer, view: args.view, map: args.map, aliases },
+        adapt: AdaptOptions {
+            motion: match args.motion.as_deref() {
+                None => MotionChoice::Renderer,
+                Some("auto") => MotionChoice::Auto,
+                Some("none") => MotionChoice::None,
+                Some(name) => MotionChoice::Preset(name.to_owned()),
+            },
+            beauty_only: args.passes == Passes::Beauty,
+        },
+        settings,
+    })
+}
+
+/// Runs the job; what the user should know comes back, each sentence once.
+fn filter(context: &Context, job: &Job) -> Result<(Outcome, Vec<String>), Failure> {
+    let wanted = job.plan().wanted();
+    let progress = Progress::new("frame", wanted, context.quiet);
+    let begin = Instant::now();
+    let heard: Mutex<(usize, Vec<String>)> = Mutex::default();
+    let told = |event: Event| {
+        // Nothing in here panics, so the lock is never poisoned.
+        let Ok(mut heard) = heard.lock() else { return };
+        match event {
+            Event::Read(_) => {}
+            Event::Written(number) => {
+                let done = heard.0;
+                heard.0 += 1;
+                let rate = (done + 1) as f64 / begin.elapsed().as_secs_f64().max(1e-6);
+                let left = (wanted - heard.0.min(wanted)) as f64 / rate;
+                progress.done_with(done, &format!("({number}), {rate:.2} frames a second, {left:.0} s left"));
+            }
+            Event::Cut(number) => {
+                if !context.quiet {
+                    progress.say(&format!("a new shot begins with frame {number}"));
+                }
+            }
+            Event::Failed(number, reason) => {
+                heard.0 += 1;
+                progress.say(&format!("warning: frame {number} failed: {reason}"));
+            }
+            Event::Note(note) => {
+                // The same of every frame is said once.
+                let plain = |text: &str| text.replace(|c: char| c.is_ascii_digit(), "");
+                if !heard.1.iter().any(|old| plain(old) == plain(&note)) {
+                    if !context.quiet {
+                        progress.say(&format!("warning: {note}"));
+                    }
+                    heard.1.push(note);
+                }
+            }
+        }
+    };
+    let outcome = job.run(interrupt::flag(), &told)?;
+    drop(progress);
+    let warnings = heard.into_inner().map(|heard| heard.1).unwrap_or_default();
+    Ok((outcome, warnings))
+}
+
+/// The report, and how the run ended.
+fn finish(context: &Context, job: &Job, outcome: &Outcome, warnings: Vec<String>) -> Result<(), Failure> {
+    for line in costs(&outcome.times) {
+        context.detail(&line);
+    }
+    let written = outcome.written();
+    let wanted = outcome.frames.len() + job.plan().missing.len();
+    let summary = format!("{written} of {wanted} frames are written to {}", job.folder().display());
+    let report = report(context, job, Some(outcome), &warnings);
+    context.finish(&report, further(job, Some(outcome)), &summary)?;
+    let failed = outcome.frames.iter().find_map(|(number, fate)| match fate {
+        Fate::Failed(reason) => Some(format!("frame {number}: {reason}")),
+        _ => None,
+    });
+    if outcome.ended.as_deref() == Some("") {
+        return Err(Failure::Interrupted(format!("{summary}; nothing there is half written")));
+    }
+    let missing = job.plan().missing.first().map(|number| format!("frame {number}: there is no file of it"));
+    match outcome.ended.clone().or(failed).or(missing) {
+        None => Ok(()),
+        Some(why) if written == 0 => Err(Failure::Failed(why)),
+        Some(why) => Err(Failure::SomeFrames(format!("{why}; {summary}"))),
+    }
+}
+
+/// What the three steps cost, for a person.
+fn costs(times: &Times) -> Vec<String> {
+    let cores = rayon::current_num_threads();
+    let line = |name: &str, stage: &StageTime| {
+        let cpu = stage.cpu.map_or_else(|| "unknown".to_owned(), |cpu| format!("{cpu:.2}"));
+        format!("{name:<9} {cpu:>9} processor seconds, {:.2} s by the clock", stage.busy)
+    };
+    let mut lines =
+        vec![line("reading", &times.reading), line("filtering", &times.filtering), line("writing", &times.writing)];
+    let bound = times.bound(cores).map_or_else(String::new, |bound| {
+        format!(", {:.2} times what {cores} cores need at least ({bound:.2} s)", times.wall / bound.max(1e-9))
+    });
+    lines.push(format!("together  {:.2} s by the clock{bound}", times.wall));
+    lines
+}
+
+fn report(context: &Context, job: &Job, outcome: Option<&Outcome>, warnings: &[String]) -> quell_lab::report::Report {
+    let mut report = context.sequence_report(job.settings());
+    let mut frames: BTreeMap<i64, (Status, Option<String>)> = BTreeMap::new();
+    for &number in job.done_before() {
+        frames.insert(number, (Status::Skipped, Some("it was there already".to_owned())));
+    }
+    for &number in &job.plan().missing {
+        frames.insert(number, (Status::Failed, Some("there is no file of it".to_owned())));
+    }
+    for (number, fate) in outcome.iter().flat_map(|outcome| &outcome.frames) {
+        let status = match fate {
+            Fate::Written => (Status::Done, None),
+            Fate::Failed(reason) => (Status::Failed, Some(reason.clone())),
+            Fate::Skipped => (Status::Skipped, Some("the run ended before".to_owned())),
+        };
+        frames.insert(*number, status);
+    }
+    report.frames = frames.into_iter().map(|(frame, (status, reason))| FrameStatus { frame, status, reason }).collect();
+    report.warnings = job.notes().iter().chain(warnings).cloned().collect();
+    report
+}
+
+/// Fields beside those that every report has.
+fn further(job: &Job, outcome: Option<&Outcome>) -> Map<String, Value> {
+    let mut further = Map::new();
+    further.insert("output".to_owned(), job.folder().to_string_lossy().into());
+    further.insert("mapping".to_owned(), job.mapping().into());
+    further.insert("reach".to_owned(), job.reach().into());
+    if let Some(outcome) = outcome {
+        let times = &outcome.times;
+        let stage = |stage: &StageTime| json!({ "cpu_seconds": stage.cpu, "busy_seconds": stage.busy });
+        further.insert("cuts".to_owned(), outcome.cuts.clone().into());
+        further.insert(
+            "times".to_owned(),
+            json!({
+                "reading": stage(&times.reading),
+                "filtering": stage(&times.filtering),
+                "writing": stage(&times.writing),
+                "wall_seconds": times.wall,
+                "bound_seconds": times.bound(rayon::current_num_threads()),
+            }),
+        );
+    }
+    further
+}

@@ -1,0 +1,121 @@
+//! `quell denoise` as a user meets it, on sequences that `quell render` made.
+
+use super::{Folder, err, out, quell, run};
+use serde_json::Value;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+
+/// Frames 1 to `count` in `frames/noisy`.
+fn rendered(folder: &Folder, size: &str, count: u32) -> PathBuf {
+    let frames = format!("1-{count}");
+    let arguments =
+        ["render", "cornell-box", "--size", size, "--direct-samples", "2", "--frames", &frames, "-o", "frames"];
+    let output = run(&folder.0, &[&arguments[..], &["--no-denoise", "-q"]].concat());
+    assert_eq!(output.status.code(), Some(0), "{}", err(&output));
+    folder.0.join("frames/noisy")
+}
+
+fn cut_short(path: &Path) {
+    let bytes = fs::read(path).expect("the frame");
+    fs::write(path, &bytes[..bytes.len() / 2]).expect("written");
+}
+
+/// A short window, so that a test has frames outside of it.
+const SMALL_WINDOW: [&str; 4] = ["--set", "gather.frames=2", "--set", "stabilise.frames=1"];
+
+#[test]
+fn frames_are_written_reported_and_left_alone_the_next_time() {
+    let folder = Folder::new("denoise");
+    rendered(&folder, "48x27", 4);
+    let base = ["denoise", "frames/noisy/noisy.####.exr", "-o", "clean/x_%04d.exr"];
+    let dry = run(&folder.0, &[&base[..], &["--dry-run"]].concat());
+    assert_eq!(dry.status.code(), Some(0), "{}", err(&dry));
+    assert!(out(&dry).contains("would write   4 frames: 1-4"), "{}", out(&dry));
+    assert!(out(&dry).contains("matte"), "{}", out(&dry));
+    assert!(!folder.0.join("clean").exists());
+
+    let output = run(&folder.0, &[&base[..], &["--json", "-v", "--report", "r.json"]].concat());
+    assert_eq!(output.status.code(), Some(0), "{}", err(&output));
+    assert_eq!(folder.files("clean"), ["x_0001.exr", "x_0002.exr", "x_0003.exr", "x_0004.exr"]);
+    let lines: Vec<String> = err(&output).lines().filter(|l| l.starts_with('[')).map(str::to_owned).collect();
+    assert_eq!(lines.len(), 4, "{}", err(&output));
+    assert!(lines[3].starts_with("[100%] frame 4 of 4") && lines[3].contains("frames a second"), "{lines:?}");
+    let told = err(&output);
+    assert!(told.contains("processor seconds") && told.contains("renderer ="), "{told}");
+    let value: Value = serde_json::from_str(&out(&output)).expect("JSON");
+    assert_eq!(fs::read_to_string(folder.0.join("r.json")).expect("the report"), out(&output));
+    assert_eq!((&value["format"], &value["settings"]["preset"]), (&1.into(), &"sequence".into()));
+    assert!(value["settings"]["gather.frames"].is_string());
+    assert!(value["frames"].as_array().expect("frames").iter().all(|f| f["status"] == "done"));
+    assert!(value["times"]["wall_seconds"].as_f64().expect("a time") > 0.0);
+
+    let again = run(&folder.0, &[&base[..], &["--resume"]].concat());
+    assert_eq!(again.status.code(), Some(0), "{}", err(&again));
+    assert!(err(&again).contains("every frame is there already"), "{}", err(&again));
+}
+
+#[test]
+fn what_cannot_be_done_has_its_exit_status_and_names_the_file() {
+    let folder = Folder::new("denoise-bad");
+    rendered(&folder, "32x18", 6);
+    let cases: [(&[&str], i32, &str); 8] = [
+        (&["denoise", "nothing.####.exr", "-o", "x"], 1, "nothing"),
+        (&["denoise", "frames/noisy", "-o", "x/one.exr"], 2, "####"),
+        (&["denoise", "frames/noisy", "-o", "x", "--set", "gather.frame=2"], 2, "gather.frames"),
+        (&["denoise", "frames/noisy", "-o", "x", "--preset", "paper"], 2, "sequence"),
+        (&["denoise", "frames/noisy", "-o", "x", "--history", "future"], 2, "both, past"),
+        (&["denoise", "frames/noisy", "-o", "x", "--motion", "sideways"], 1, "blender"),
+        (&["denoise", "frames/noisy", "-o", "x", "--map", "albedo=nowhere"], 1, "nowhere"),
+        (&["denoise", "frames/noisy", "-o", "frames/noisy"], 1, "never replaced"),
+    ];
+    for (arguments, status, expected) in cases {
+        let output = run(&folder.0, arguments);
+        assert_eq!(output.status.code(), Some(status), "{arguments:?}: {}", err(&output));
+        assert!(err(&output).contains(expected), "{arguments:?}: {}", err(&output));
+        assert!(!folder.0.join("x").exists(), "{arguments:?}");
+    }
+    cut_short(&folder.0.join("frames/noisy/noisy.0003.exr"));
+    let base = [&["denoise", "frames/noisy", "-o", "clean"][..], &SMALL_WINDOW].concat();
+    let output = run(&folder.0, &base);
+    assert_eq!(output.status.code(), Some(3), "{}", err(&output));
+    assert!(err(&output).contains("noisy.0003.exr") && err(&output).contains("5 of 6"), "{}", err(&output));
+    assert_eq!(folder.files("clean").len(), 5);
+    // Asked for by name and not there.
+    let output = run(&folder.0, &[&base[..], &["--frames", "5-8"]].concat());
+    assert_eq!(output.status.code(), Some(3), "{}", err(&output));
+    assert!(err(&output).contains("frame 7"), "{}", err(&output));
+    fs::remove_file(folder.0.join("frames/noisy/noisy.0003.exr")).expect("removed");
+    let output = run(&folder.0, &[&base[..], &["--shot", "1-6"]].concat());
+    assert_eq!(output.status.code(), Some(1), "{}", err(&output));
+    assert!(err(&output).contains("missing: 3"), "{}", err(&output));
+}
+
+#[test]
+fn ctrl_c_leaves_whole_files_and_resume_goes_on() {
+    let folder = Folder::new("denoise-interrupt");
+    rendered(&folder, "96x54", 40);
+    let base = [&["denoise", "frames/noisy", "-o", "clean"][..], &SMALL_WINDOW].concat();
+    let mut child =
+        quell(&folder.0).args(&base).stdout(Stdio::null()).stderr(Stdio::piped()).spawn().expect("the program starts");
+    let deadline = std::time::Instant::now() + std::time::Duration::from_secs(60);
+    while !folder.files("clean").iter().any(|name| name.starts_with("noisy")) {
+        assert!(std::time::Instant::now() < deadline, "no frame within a minute");
+        std::thread::sleep(std::time::Duration::from_millis(5));
+    }
+    let killed = Command::new("kill").args(["-TERM", &child.id().to_string()]).status().expect("kill runs");
+    assert!(killed.success());
+    let status = child.wait().expect("it ends");
+    let output = child.wait_with_output().expect("its output");
+    assert_eq!(status.code(), Some(130), "{}", err(&output));
+    assert!(err(&output).contains("nothing there is half written"), "{}", err(&output));
+    let before = folder.files("clean");
+    assert!(!before.is_empty() && before.len() < 40, "{before:?}");
+    for name in &before {
+        quell_frames::read_image(&folder.0.join("clean").join(name)).unwrap_or_else(|e| panic!("{name}: {e}"));
+    }
+    let output = run(&folder.0, &[&base[..], &["--resume"]].concat());
+    assert_eq!(output.status.code(), Some(0), "{}", err(&output));
+    assert_eq!(folder.files("clean").len(), 40);
+    assert!(err(&output).contains(&format!("of {}", 40 - before.len())), "{}", err(&output));
+}

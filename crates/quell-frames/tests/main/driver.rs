@@ -1,0 +1,230 @@
+//! Whole jobs on small sequences: any split gives the same files, and whatever goes wrong leaves whole files.
+
+use crate::Folder;
+use quell::{Camera, FrameBuf, Plane, Size};
+use quell_frames::driver::{Destination, Event, Existing, Fate, Job, JobOptions, Outcome};
+use quell_frames::{AdaptOptions, Error, FrameToWrite, MapOptions, WriteOptions, frame_path, write_frame};
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+const FRAMES: i64 = 9;
+
+/// A wall that is seen to move, and noise on it.
+fn make(folder: &Path, number: i64) {
+    let size = Size::new(40, 24);
+    let camera = Camera::perspective([0.0; 3], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0], 0.8, 40.0 / 24.0);
+    let mut frame = FrameBuf::new(size, camera);
+    frame.index = number;
+    let mut state = (number as u64 + 11).wrapping_mul(0x9e37_79b9_7f4a_7c15);
+    let mut noise = || {
+        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        ((state >> 40) as f32 / 16_777_216.0) * 1.6 + 0.2
+    };
+    let stripe = |x: usize| (x as i64 + 2 * number).rem_euclid(8) < 4;
+    frame.matte = Some(Plane::from_fn(size, |_, _| [noise(), noise(), noise()]));
+    frame.matte_weight = Some(Plane::from_fn(size, |x, _| if stripe(x) { [0.8, 0.5, 0.2] } else { [0.1, 0.3, 0.6] }));
+    frame.view_depth = Some(Plane::from_fn(size, |x, y| 3.0 + 0.01 * (x + y) as f32));
+    frame.normal = Some(Plane::filled(size, [0.0, 0.0, 1.0]));
+    frame.motion = Some(Plane::filled(size, [2.0, 0.0]));
+    let path = frame_path(folder, "shot", number);
+    write_frame(&path, &FrameToWrite::new(frame.frame(&[])), &WriteOptions::default()).unwrap();
+}
+
+struct Case {
+    folder: Folder,
+    events: Mutex<Vec<Event>>,
+}
+
+impl Case {
+    fn new(name: &str) -> Self {
+        let folder = Folder::new(&format!("driver-{name}"));
+        (1..=FRAMES).for_each(|number| make(&folder.file("in"), number));
+        Self { folder, events: Mutex::default() }
+    }
+
+    fn input(&self, number: i64) -> PathBuf {
+        frame_path(&self.folder.file("in"), "shot", number)
+    }
+
+    fn output(&self, to: &str, number: i64) -> PathBuf {
+        frame_path(&self.folder.file(to), "shot", number)
+    }
+
+    fn options(&self, to: &str) -> JobOptions {
+        let mut settings = quell::sequence::SequenceSettings::default();
+        settings.gather.frames = 2;
+        settings.stabilise.frames = 1;
+        JobOptions {
+            inputs: vec![self.folder.file("in")],
+            destination: Destination::parse(&self.folder.file(to)).unwrap(),
+            existing: Existing::Ours,
+            frames: None,
+            shot: None,
+            cuts: None,
+            map: MapOptions::default(),
+            adapt: AdaptOptions::default(),
+            settings,
+        }
+    }
+
+    fn run(&self, options: JobOptions) -> Outcome {
+        self.run_until(options, &|_| false)
+    }
+
+    /// Stops the run at the first event for which `stops` is true.
+    fn run_until(&self, options: JobOptions, stops: &(dyn Fn(&Event) -> bool + Sync)) -> Outcome {
+        let stop = AtomicBool::new(false);
+        let told = |event| {
+            if stops(&event) {
+                stop.store(true, Ordering::SeqCst);
+            }
+            self.events.lock().unwrap().push(event);
+        };
+        Job::open(options).unwrap().run(&stop, &told).unwrap()
+    }
+
+    fn written(&self, to: &str) -> Vec<i64> {
+        (1..=FRAMES).filter(|number| self.output(to, *number).exists()).collect()
+    }
+}
+
+#[test]
+fn every_split_and_every_number_of_threads_gives_the_same_files() {
+    let case = Case::new("split");
+    assert_eq!(case.run(case.options("whole")).written(), FRAMES as usize);
+    let whole: Vec<Vec<u8>> = (1..=FRAMES).map(|n| fs::read(case.output("whole", n)).unwrap()).collect();
+    for (i, (part, threads)) in
+        [(vec![1, 2], 1), (vec![3], 3), (vec![4, 6, 8], 2), (vec![5, 7, 9], 1)].iter().enumerate()
+    {
+        let to = format!("part{i}");
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(*threads).build().unwrap();
+        let options = JobOptions { frames: Some(part.clone()), ..case.options(&to) };
+        pool.install(|| case.run(options));
+        assert_eq!(case.written(&to), *part);
+        for number in part {
+            let same = fs::read(case.output(&to, *number)).unwrap() == whole[*number as usize - 1];
+            assert!(same, "frame {number} of {part:?}");
+        }
+    }
+    // The comparison can fail: without its neighbours a frame is another.
+    let mut alone = case.options("alone");
+    alone.settings.gather.frames = 1;
+    case.run(JobOptions { frames: Some(vec![5]), ..alone });
+    assert_ne!(fs::read(case.output("alone", 5)).unwrap(), whole[4]);
+    // And something was filtered.
+    assert_ne!(fs::read(case.input(5)).unwrap(), whole[4]);
+}
+
+#[test]
+fn a_cut_given_or_a_gap_restarts_history() {
+    let case = Case::new("cut");
+    case.run(JobOptions { cuts: Some(vec![5]), ..case.options("cut") });
+    fs::remove_file(case.input(4)).unwrap();
+    let job = Job::open(case.options("gap")).unwrap();
+    assert!(job.notes().iter().any(|note| note.contains("frame 4 is missing")), "{:?}", job.notes());
+    assert_eq!(case.run(case.options("gap")).written(), FRAMES as usize - 1);
+    let picture = |to: &str, n: i64| quell_frames::read_picture(&case.output(to, n)).unwrap();
+    assert_eq!(picture("cut", 6), picture("gap", 6));
+    assert_ne!(picture("cut", 3), picture("gap", 2));
+}
+
+#[test]
+fn what_is_done_is_left_alone_as_far_as_asked() {
+    let case = Case::new("resume");
+    case.run(JobOptions { frames: Some(vec![1, 2, 3]), ..case.options("out") });
+    let time = |n: i64| fs::metadata(case.output("out", n)).unwrap().modified().unwrap();
+    let before = time(2);
+    // The same job goes on.
+    let resumed = JobOptions { existing: Existing::Resume, ..case.options("out") };
+    let job = Job::open(resumed.clone()).unwrap();
+    assert_eq!((job.done_before(), job.plan().wanted()), (&[1, 2, 3][..], FRAMES as usize - 3));
+    case.run(resumed.clone());
+    assert_eq!((time(2), case.written("out").len()), (before, FRAMES as usize));
+    assert_eq!(Job::open(resumed.clone()).unwrap().plan().wanted(), 0);
+    // Other settings are another job.
+    let mut other = resumed;
+    other.settings.wavelet.levels = 2;
+    assert_eq!(Job::open(other).unwrap().plan().wanted(), FRAMES as usize);
+    // Whoever wrote it, it is there.
+    fs::write(case.output("out", 4), "not ours").unwrap();
+    let skipping = JobOptions { existing: Existing::Skip, ..case.options("out") };
+    assert_eq!(Job::open(skipping).unwrap().plan().wanted(), 0);
+    let plain = case.options("out");
+    assert!(matches!(Job::open(plain), Err(Error::Foreign { path }) if path == case.output("out", 4)));
+    let over = JobOptions { existing: Existing::Overwrite, frames: Some(vec![4]), ..case.options("out") };
+    assert_eq!(case.run(over).written(), 1);
+    // An input is never an output.
+    for existing in [Existing::Ours, Existing::Overwrite] {
+        let onto_itself = JobOptions { existing, ..case.options("in") };
+        let Err(error) = Job::open(onto_itself) else { panic!("it was accepted") };
+        assert!(error.to_string().contains("never replaced"), "{error}");
+    }
+}
+
+#[test]
+fn a_truncated_frame_fails_alone_or_with_its_neighbours() {
+    let case = Case::new("truncated");
+    let whole = fs::read(case.input(5)).unwrap();
+    fs::write(case.input(5), &whole[..whole.len() * 2 / 3]).unwrap();
+    let outcome = case.run(case.options("out"));
+    assert_eq!(case.written("out"), [1, 2, 3, 4, 6, 7, 8, 9]);
+    let failed: Vec<_> = outcome.frames.iter().filter(|(_, fate)| *fate != Fate::Written).collect();
+    assert!(matches!(failed[..], [(5, Fate::Failed(why))] if why.contains("shot.0005.exr")), "{failed:?}");
+    // In a shot that must be whole, what would have seen it fails too.
+    let shot = JobOptions { shot: Some((1..=FRAMES).collect()), ..case.options("shot") };
+    case.run(shot.clone());
+    assert_eq!(case.written("shot"), [1, 9]);
+    fs::remove_file(case.input(5)).unwrap();
+    let Err(error) = Job::open(shot) else { panic!("it was accepted") };
+    assert!(error.to_string().contains("missing: 5"), "{error}");
+}
+
+#[test]
+fn a_frame_that_vanishes_on_the_way_fails_alone() {
+    let case = Case::new("vanishes");
+    let gone = AtomicBool::new(false);
+    let outcome = case.run_until(case.options("out"), &|event| {
+        if *event == Event::Read(1) && !gone.swap(true, Ordering::SeqCst) {
+            fs::remove_file(case.input(8)).unwrap();
+        }
+        false
+    });
+    assert_eq!(outcome.written(), FRAMES as usize - 1);
+    assert!(matches!(&outcome.frames[7], (8, Fate::Failed(why)) if why.contains("shot.0008.exr")), "{outcome:?}");
+}
+
+#[test]
+fn asked_to_stop_it_leaves_whole_files_and_resumes() {
+    let case = Case::new("stop");
+    let outcome = case.run_until(case.options("out"), &|event| *event == Event::Written(3));
+    assert_eq!(outcome.ended.as_deref(), Some(""));
+    let written = case.written("out");
+    assert!(written.len() >= 3 && written.len() < FRAMES as usize, "{written:?}");
+    // Nothing half written, nothing hidden.
+    assert_eq!(fs::read_dir(case.folder.file("out")).unwrap().count(), written.len());
+    for number in &written {
+        quell_frames::read_image(&case.output("out", *number)).unwrap();
+    }
+    case.run(JobOptions { existing: Existing::Resume, ..case.options("out") });
+    case.run(case.options("whole"));
+    for number in 1..=FRAMES {
+        let (a, b) = (case.output("out", number), case.output("whole", number));
+        assert!(fs::read(a).unwrap() == fs::read(b).unwrap(), "frame {number}");
+    }
+}
+
+#[test]
+fn nothing_to_read_is_an_error_that_names_it() {
+    let case = Case::new("nothing");
+    let missing = JobOptions { inputs: vec![case.folder.file("elsewhere")], ..case.options("out") };
+    assert!(Job::open(missing).unwrap_err().to_string().contains("elsewhere"));
+    let none = JobOptions { frames: Some(vec![100, 101]), ..case.options("out") };
+    assert!(Job::open(none).unwrap_err().to_string().contains("100-101"));
+    // The output folder is a file.
+    fs::write(case.folder.file("blocked"), "").unwrap();
+    let outcome = case.run(case.options("blocked/out"));
+    assert_eq!(outcome.written(), 0);
+    assert!(outcome.ended.as_ref().is_some_and(|why| why.contains("blocked")), "{outcome:?}");
+}
