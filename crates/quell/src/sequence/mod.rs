@@ -12,7 +12,7 @@
 //! wavelet.rs     stage 3: edge-avoiding a-trous levels with a luminance stop
 //! energy.rs      how unlike two pixels' guides are
 //! stabilise.rs   stage 4: neighbours in time, limited to the local range
-//! rows.rs        images of many channels
+//! rows.rs, simd.rs  images of many channels; row loops on wide vectors
 //! ```
 //!
 //! Each frame is estimated from a window of frames around it, never from a filtered predecessor: any split of a job
@@ -27,6 +27,7 @@ mod guides;
 mod member;
 mod rows;
 pub mod settings;
+mod simd;
 mod stabilise;
 mod variance;
 mod wavelet;

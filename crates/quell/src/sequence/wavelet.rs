@@ -11,6 +11,7 @@ use super::frame::LightKind;
 use super::member::Member;
 use super::rows::Rows;
 use super::settings::Wavelet;
+use super::simd::widest;
 use crate::par;
 
 /// Half of the B3 spline's kernel, from the centre outwards.
@@ -43,75 +44,101 @@ pub(super) fn wavelet(member: &Member, accumulated: Accumulated, variance: Rows,
     for level in 0..most {
         let compared = compared(member, &colours, &variance, s);
         let active: Vec<usize> = (0..member.slots.len()).filter(|&l| levels(s, member.slots[l].kind) > level).collect();
-        (colours, variance) = filter_level(member, &colours, &variance, &compared, 1 << level, &active, s);
+        let (step, compared) = (1 << level, &compared);
+        let (colours_then, variance_then) =
+            Level { member, colours: &colours, variance: &variance, compared, step, active: &active, settings: s }
+                .filter();
+        (colours, variance) = (colours_then, variance_then);
     }
     colours
 }
 
 /// Two channels a light: mean luminance over 3x3 of the same surface, and its variance.
 fn compared(member: &Member, colours: &Rows, variance: &Rows, s: &Wavelet) -> Rows {
-    let (w, h) = (member.size.width, member.size.height);
     let lights = member.slots.len();
-    let classes: Vec<usize> = member.slots.iter().map(|s| Class::of(s.kind) as usize).collect();
-    let wanted = Class::ALL.map(|c| classes.contains(&(c as usize)));
     let mut out = Rows::new(member.size, 2 * lights);
-    par::rows(out.data_mut(), (2 * lights * w).max(1), |y, out| {
-        let mut energy: [Vec<f32>; 4] = std::array::from_fn(|_| vec![0.0; w]);
-        let mut total = vec![0.0f32; lights * w];
-        for dy in -1..=1isize {
-            for dx in -1..=1isize {
-                let Some(o) = Offset::new(w, h, y, dx, dy) else { continue };
-                if dx == 0 && dy == 0 {
-                    energy.iter_mut().for_each(|e| e.fill(0.0));
-                } else {
-                    energies(&member.guides.local, w, &o, s, wanted, &mut energy);
-                }
-                let share = [2.0, 1.0][dx.unsigned_abs()] * [2.0, 1.0][dy.unsigned_abs()];
-                for (l, slot) in member.slots.iter().enumerate() {
-                    let rgb = [0, 1, 2].map(|c| o.taps(colours.row(o.qy, 3 * slot.first + c)));
-                    let var = o.taps(variance.row(o.qy, l));
-                    let n = o.to - o.from;
-                    let energy = &energy[classes[l]][..n];
-                    let (mean, spread) = out[2 * l * w..][..2 * w].split_at_mut(w);
-                    let (mean, spread) = (&mut mean[o.from..o.to], &mut spread[o.from..o.to]);
-                    let total = &mut total[l * w + o.from..][..n];
-                    for i in 0..n {
-                        let g = share * weight(energy[i]);
-                        total[i] += g;
-                        mean[i] += g * (0.2126 * rgb[0][i] + 0.7152 * rgb[1][i] + 0.0722 * rgb[2][i]);
-                        spread[i] += g * g * var[i];
-                    }
-                }
-            }
-        }
-        for l in 0..lights {
-            for x in 0..w {
-                let total = total[l * w + x];
-                out[2 * l * w + x] /= total;
-                out[(2 * l + 1) * w + x] /= total * total;
-            }
-        }
+    par::rows(out.data_mut(), (2 * lights * member.size.width).max(1), |y, out| {
+        widest!(compared_row(member, colours, variance, s, y, out));
     });
     out
 }
 
-fn filter_level(
-    member: &Member,
-    colours: &Rows,
-    variance: &Rows,
-    compared: &Rows,
-    step: isize,
-    active: &[usize],
-    s: &Wavelet,
-) -> (Rows, Rows) {
+#[inline(always)]
+fn compared_row(member: &Member, colours: &Rows, variance: &Rows, s: &Wavelet, y: usize, out: &mut [f32]) {
     let (w, h) = (member.size.width, member.size.height);
     let lights = member.slots.len();
     let classes: Vec<usize> = member.slots.iter().map(|s| Class::of(s.kind) as usize).collect();
-    let wanted = Class::ALL.map(|c| active.iter().any(|&l| classes[l] == c as usize));
-    let mut next = Rows::new(member.size, colours.channels());
-    let mut next_variance = Rows::new(member.size, lights);
-    let (cw, vw) = (colours.channels() * w, lights * w);
-    par::two_rows(next.data_mut(), cw, next_variance.data_mut(), vw, |y, out, out_variance| {
+    let wanted = Class::ALL.map(|c| classes.contains(&(c as usize)));
+    let mut energy: [Vec<f32>; 4] = std::array::from_fn(|_| vec![0.0; w]);
+    let mut total = vec![0.0f32; lights * w];
+    for dy in -1..=1isize {
+        for dx in -1..=1isize {
+            let Some(o) = Offset::new(w, h, y, dx, dy) else { continue };
+            if dx == 0 && dy == 0 {
+                energy.iter_mut().for_each(|e| e.fill(0.0));
+            } else {
+                energies(&member.guides.local, w, &o, s, wanted, &mut energy);
+            }
+            let share = [2.0, 1.0][dx.unsigned_abs()] * [2.0, 1.0][dy.unsigned_abs()];
+            let n = o.to - o.from;
+            for (l, slot) in member.slots.iter().enumerate() {
+                let rgb = [0, 1, 2].map(|c| &o.taps(colours.row(o.qy, 3 * slot.first + c))[..n]);
+                let var = &o.taps(variance.row(o.qy, l))[..n];
+                let energy = &energy[classes[l]][..n];
+                let (mean, spread) = out[2 * l * w..][..2 * w].split_at_mut(w);
+                let (mean, spread) = (&mut mean[o.from..o.to], &mut spread[o.from..o.to]);
+                let total = &mut total[l * w + o.from..][..n];
+                for i in 0..n {
+                    let g = share * weight(energy[i]);
+                    total[i] += g;
+                    mean[i] += g * (0.2126 * rgb[0][i] + 0.7152 * rgb[1][i] + 0.0722 * rgb[2][i]);
+                    spread[i] += g * g * var[i];
+                }
+            }
+        }
+    }
+    for l in 0..lights {
+        for x in 0..w {
+            let total = total[l * w + x];
+            out[2 * l * w + x] /= total;
+            out[(2 * l + 1) * w + x] /= total * total;
+        }
+    }
+}
+
+/// What one level reads.
+struct Level<'a> {
+    member: &'a Member,
+    colours: &'a Rows,
+    variance: &'a Rows,
+    compared: &'a Rows,
+    step: isize,
+    /// The lights that take part.
+    active: &'a [usize],
+    settings: &'a Wavelet,
+}
+
+impl Level<'_> {
+    /// The colours and variances after it.
+    fn filter(&self) -> (Rows, Rows) {
+        let size = self.member.size;
+        let lights = self.member.slots.len();
+        let mut colours = Rows::new(size, self.colours.channels());
+        let mut variance = Rows::new(size, lights);
+        let (cw, vw) = (self.colours.channels() * size.width, lights * size.width);
+        par::two_rows(colours.data_mut(), cw, variance.data_mut(), vw, |y, colours, variance| {
+            widest!(self.row(y, colours, variance));
+        });
+        (colours, variance)
+    }
+
+    #[inline(always)]
+    fn row(&self, y: usize, out: &mut [f32], out_variance: &mut [f32]) {
+        let Self { member, colours, variance, compared, step, active, settings: s } = *self;
+        let (w, h) = (member.size.width, member.size.height);
+        let lights = member.slots.len();
+        let classes: Vec<usize> = member.slots.iter().map(|s| Class::of(s.kind) as usize).collect();
+        let wanted = Class::ALL.map(|c| active.iter().any(|&l| classes[l] == c as usize));
         for l in (0..lights).filter(|l| !active.contains(l)) {
             let slot = &member.slots[l];
             for c in 3 * slot.first..3 * (slot.first + slot.planes) {
@@ -140,8 +167,10 @@ fn filter_level(
                         let k = tolerance(s, slot.kind);
                         let k2 = k * k;
                         let energy = &energy[classes[l]][..n];
-                        let (mp, mq) = (o.centres(compared.row(y, 2 * l)), o.taps(compared.row(o.qy, 2 * l)));
-                        let (vp, vq) = (o.centres(compared.row(y, 2 * l + 1)), o.taps(compared.row(o.qy, 2 * l + 1)));
+                        let mean = |y: usize| compared.row(y, 2 * l);
+                        let spread = |y: usize| compared.row(y, 2 * l + 1);
+                        let (mp, mq) = (&o.centres(mean(y))[..n], &o.taps(mean(o.qy))[..n]);
+                        let (vp, vq) = (&o.centres(spread(y))[..n], &o.taps(spread(o.qy))[..n]);
                         for i in 0..n {
                             let d = mp[i] - mq[i];
                             let v = vp[i] + vq[i];
@@ -151,14 +180,14 @@ fn filter_level(
                         }
                     }
                     let total = &mut total[l * w + o.from..][..n];
-                    let var = o.taps(variance.row(o.qy, l));
+                    let var = &o.taps(variance.row(o.qy, l))[..n];
                     let sum = &mut out_variance[l * w + o.from..][..n];
                     for i in 0..n {
                         total[i] += weights[i];
                         sum[i] += weights[i] * weights[i] * var[i];
                     }
                     for c in 3 * slot.first..3 * (slot.first + slot.planes) {
-                        let colour = o.taps(colours.row(o.qy, c));
+                        let colour = &o.taps(colours.row(o.qy, c))[..n];
                         let sum = &mut out[c * w + o.from..][..n];
                         for i in 0..n {
                             sum[i] += weights[i] * colour[i];
@@ -177,6 +206,5 @@ fn filter_level(
                 }
             }
         }
-    });
-    (next, next_variance)
+    }
 }
