@@ -1,7 +1,7 @@
 //! A frame of the window, made ready: what the stages need of it and no more.
 
 use super::energy::Class;
-use super::frame::{LightKind, SequenceFrame};
+use super::frame::{Light, LightKind, SequenceFrame};
 use super::guides::Guides;
 use crate::frame::Rgb;
 use crate::plane::{Plane, Size};
@@ -21,6 +21,8 @@ pub(super) struct Member {
     pub number: i64,
     pub size: Size,
     pub slots: Vec<Slot>,
+    /// Kinds and colour planes of the lights as they came: what a neighbour must share.
+    shape: Vec<(LightKind, usize)>,
     /// Colour planes in all.
     pub planes: usize,
     /// All colour planes of all lights, pixel by pixel: a tap reads one run of memory.
@@ -44,8 +46,12 @@ impl Member {
         let guides = Guides::new(&frame);
         let mut slots = Vec::with_capacity(frame.lights.len());
         let mut planes = 0;
+        // In a medium even what is steady behind it has noise: whether a ray gets there is chance.
+        let lit = |light: &Light| light.light.data().iter().flatten().any(|&c| c > 0.0);
+        let foggy = frame.lights.iter().any(|l| l.kind == LightKind::Volume && lit(l));
         for light in &frame.lights {
-            slots.push(Slot { kind: light.kind, first: planes, planes: 1 + light.joint.len() });
+            let kind = if foggy && light.kind == LightKind::Steady { LightKind::MatteIndirect } else { light.kind };
+            slots.push(Slot { kind, first: planes, planes: 1 + light.joint.len() });
             planes += 1 + light.joint.len();
         }
         let mut samples = vec![[0.0; 3]; frame.size.pixels() * planes];
@@ -74,6 +80,7 @@ impl Member {
         }
         let member = Self {
             seen_colour,
+            shape: frame.lights.iter().map(|l| (l.kind, 1 + l.joint.len())).collect(),
             number: frame.number,
             size: frame.size,
             slots,
@@ -93,8 +100,7 @@ impl Member {
 
     /// True where `other` holds the same lights at the same extent.
     pub(super) fn same_kind(&self, other: &Self) -> bool {
-        let shape = |m: &Self| m.slots.iter().map(|s| (s.kind, s.planes)).collect::<Vec<_>>();
-        self.size == other.size && shape(self) == shape(other)
+        self.size == other.size && self.shape == other.shape
     }
 
     /// Motion to the next frame from that frame's motion to this one: each of its pixels tells where it was; of those
