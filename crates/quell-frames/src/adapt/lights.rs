@@ -25,7 +25,7 @@ pub(super) const REST: &str = "quell: rest";
 pub struct SumRule {
     /// True where the light passes hold the surface's colour already.
     pub colour_inside: bool,
-    /// Mean difference between the sum of passes and the beauty over the beauty's mean, with the colour multiplied in
+    /// Mean difference, tone-mapped, between the sum of passes and the beauty over the beauty's mean, with the colour multiplied in
     /// and without; `None` without a beauty or without passes.
     pub residual: Option<[f64; 2]>,
     /// True where the passes add up to the beauty; false: what is left over is filtered as one more light.
@@ -99,8 +99,10 @@ impl SumRule {
             for (a, b) in sum.data().iter().zip(beauty.data()) {
                 for c in 0..3 {
                     if a[c].is_finite() && b[c].is_finite() {
-                        off += f64::from((a[c] - b[c]).abs());
-                        all += f64::from(b[c].abs());
+                        // Tone-mapped: one firefly that a half float clamps must not decide.
+                        let tone = |v: f32| f64::from(v / (1.0 + v.abs()));
+                        off += (tone(a[c]) - tone(b[c])).abs();
+                        all += tone(b[c]).abs();
                     }
                 }
             }
