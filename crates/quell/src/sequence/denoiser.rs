@@ -140,13 +140,19 @@ impl SequenceDenoiser {
                     if self.entries[i].estimate.is_none() {
                         let estimate = self.estimate(i);
                         self.entries[i].estimate = Some(estimate);
+                        self.entries[i].member.estimated();
                     }
                 }
                 out.extend(self.result(t, from, to));
             }
+            // Neighbours still ask for the picture, nobody for the lights: frames are large.
+            if let Some(estimate) = &mut self.entries[t].estimate {
+                estimate.colours = Rows::empty();
+                estimate.samples = Plane::filled(Size::new(0, 0), 0.0);
+            }
             self.done += 1;
             // What no later frame can reach.
-            while self.done > gather + 2 * steady {
+            while self.done > gather + steady {
                 self.entries.pop_front();
                 self.done -= 1;
             }

@@ -19,6 +19,7 @@ pub(super) struct Surface {
 }
 
 /// Guides that only the filters within one frame ask for; rows of width w, one after the other.
+#[derive(Default)]
 pub(super) struct Local {
     /// Change of inverse depth over one pixel to the right, and one down.
     pub slope: [Vec<f32>; 2],

@@ -2,7 +2,7 @@
 
 use super::energy::Class;
 use super::frame::{Light, LightKind, SequenceFrame};
-use super::guides::Guides;
+use super::guides::{Guides, Local};
 use crate::frame::Rgb;
 use crate::plane::{Plane, Size};
 
@@ -96,6 +96,13 @@ impl Member {
             repeats_noise: frame.repeats_noise,
         };
         (member, repaired)
+    }
+
+    /// Gives back what only the frame's own estimate needs.
+    pub(super) fn estimated(&mut self) {
+        self.guides.local = Local::default();
+        self.weights.iter_mut().for_each(|w| *w = None);
+        self.variance = None;
     }
 
     /// True where `other` holds the same lights at the same extent.

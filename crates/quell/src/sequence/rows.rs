@@ -14,6 +14,11 @@ impl Rows {
         Self { size, channels, data: vec![0.0; size.pixels() * channels] }
     }
 
+    /// Without pixels: gives the memory back.
+    pub(super) fn empty() -> Self {
+        Self::new(Size::new(0, 0), 0)
+    }
+
     pub(super) fn channels(&self) -> usize {
         self.channels
     }
