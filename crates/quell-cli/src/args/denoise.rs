@@ -70,7 +70,7 @@ pub struct DenoiseArgs {
     /// Also replace files that quell did not write
     #[arg(long)]
     pub overwrite: bool,
-    /// Say what would be done: frames, what each channel is taken for, memory; write nothing
+    /// Say what would be done: frames, and what each channel is taken for; write nothing
     #[arg(long)]
     pub dry_run: bool,
 }

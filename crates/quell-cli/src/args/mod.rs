@@ -67,7 +67,7 @@ pub struct Common {
     /// Implementation of the stages: auto, cpu, reference [default: auto]
     #[arg(long, global = true, value_name = "NAME")]
     pub backend: Option<BackendChoice>,
-    /// Named values of all parameters: paper [default: paper]
+    /// Named values of all parameters: paper, or sequence for denoise [default: these]
     #[arg(long, global = true, value_name = "NAME")]
     pub preset: Option<String>,
     /// Set one parameter; repeatable; `quell explain` lists them

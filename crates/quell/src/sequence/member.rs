@@ -142,14 +142,16 @@ const PURELY_SPECULAR: f32 = 0.02;
 const LEAST_COLOUR: f32 = 0.02;
 
 /// The colour of what is seen in mirrors and through glass; 1 elsewhere. Divided by it, a reflection is as smooth as the
-/// light on the things reflected. Where a surface has a colour of its own, the renderer's `seen` albedo is that colour,
-/// which the reflection does not carry.
+/// light on the things reflected. Where a surface has a diffuse colour of its own (what multiplies matte light, or else the
+/// albedo), the renderer's `seen` albedo is that colour, which the reflection does not carry.
 fn seen_colour(frame: &SequenceFrame) -> Option<Vec<Rgb>> {
-    let (seen, albedo) = (frame.seen_albedo.as_ref()?, frame.albedo.as_ref()?);
-    let pixel = |(seen, albedo): (&Rgb, &Rgb)| {
-        let specular = albedo.iter().all(|&c| c < PURELY_SPECULAR);
+    let matte = |l: &&Light| matches!(l.kind, LightKind::MatteDirect | LightKind::MatteIndirect);
+    let diffuse = frame.lights.iter().filter(matte).find_map(|l| l.weight.as_ref());
+    let (seen, diffuse) = (frame.seen_albedo.as_ref()?, diffuse.or(frame.albedo.as_ref())?);
+    let pixel = |(seen, diffuse): (&Rgb, &Rgb)| {
+        let specular = diffuse.iter().all(|&c| c < PURELY_SPECULAR);
         let lit = seen.iter().all(|c| c.is_finite()) && seen.iter().any(|&c| c > 0.0);
         if specular && lit { seen.map(|c| c.max(LEAST_COLOUR)) } else { [1.0; 3] }
     };
-    Some(seen.data().iter().zip(albedo.data()).map(pixel).collect())
+    Some(seen.data().iter().zip(diffuse.data()).map(pixel).collect())
 }

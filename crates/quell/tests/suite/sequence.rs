@@ -192,6 +192,44 @@ fn noise_that_repeats_brings_no_samples() {
     assert!(samples(&run(&settings(&[]), (0..6).map(still(false)))) > 5.0);
 }
 
+/// A mirror that shows a texture: the light on what it shows is even, and noisy.
+#[test]
+fn a_texture_in_a_mirror_stays() {
+    let texture = |x: usize, y: usize| [if (x / 2 + y / 2) % 2 == 0 { 0.2 } else { 0.25 }; 3];
+    // The surface's own colour may count its mirror's: what multiplies matte light tells that it has no other.
+    let mirror = |diffuse: f32| {
+        move |t: i64| {
+            let mut f = frame(0);
+            f.number = t;
+            f.motion_to_previous = Some(Plane::filled(SIZE, [0.0; 2]));
+            f.motion_to_next = f.motion_to_previous.clone();
+            f.lights.truncate(2);
+            f.lights[0].light = Plane::filled(SIZE, [0.0; 3]);
+            f.lights[0].weight = Some(Plane::filled(SIZE, [diffuse; 3]));
+            f.lights[1].light = Plane::from_fn(SIZE, |x, y| texture(x, y).map(|c| c * 2.0 * random(x, y, t, 3)));
+            f.albedo = Some(Plane::filled(SIZE, [0.9; 3]));
+            f.seen_albedo = Some(Plane::from_fn(SIZE, texture));
+            f
+        }
+    };
+    let contrast = |out: &[Filtered]| -> f32 {
+        let picture = &out[3].lights[1].planes[0];
+        let mean = |dark: bool| {
+            let of = |i: &usize| texture(i % SIZE.width, i / SIZE.width)[0] < 0.22;
+            let values: Vec<f32> = (0..SIZE.pixels()).filter(|i| of(i) == dark).map(|i| picture.data()[i][0]).collect();
+            values.iter().sum::<f32>() / values.len() as f32
+        };
+        mean(false) / mean(true) - 1.0
+    };
+    // Without the help of a stop between the two colours.
+    let loose = settings(&[("wavelet.seen_albedo", "16"), ("wavelet.glossy", "64")]);
+    let kept = contrast(&run(&loose, (0..6).map(mirror(0.0))));
+    assert!((kept - 0.25).abs() < 0.03, "{kept}");
+    // Canary: a surface with a diffuse colour is not divided, and loses it.
+    let lost = contrast(&run(&loose, (0..6).map(mirror(0.5))));
+    assert!(lost < 0.12, "{lost}");
+}
+
 #[test]
 fn wild_frames_do_no_harm() {
     let tiny = Size::new(1, 1);
@@ -259,6 +297,8 @@ fn every_parameter_matters() {
             f.albedo = Some(Plane::from_fn(SIZE, |x, y| {
                 if inside(x, y) { [0.0; 3] } else { [0.1 + 0.5 * random(x / 2, y, 0, 4); 3] }
             }));
+            // The box is glass: it has no diffuse colour.
+            f.lights[0].weight = f.albedo.clone();
             let light = f.lights[1].light.clone();
             for (name, kind) in [
                 ("highlight", LightKind::GlossyDirect),
