@@ -195,7 +195,7 @@ fn noise_that_repeats_brings_no_samples() {
 /// A mirror that shows a texture: the light on what it shows is even, and noisy.
 #[test]
 fn a_texture_in_a_mirror_stays() {
-    let texture = |x: usize, y: usize| [if (x / 2 + y / 2) % 2 == 0 { 0.2 } else { 0.25 }; 3];
+    let texture = |x: usize, y: usize| [if (x / 2 + y / 2).is_multiple_of(2) { 0.2 } else { 0.25 }; 3];
     // The surface's own colour may count its mirror's: what multiplies matte light tells that it has no other.
     let mirror = |diffuse: f32| {
         move |t: i64| {
