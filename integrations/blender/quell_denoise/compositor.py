@@ -45,8 +45,9 @@ def _below(tree):
     if not tree.nodes:
         return (0.0, 0.0)
     left = min(node.location.x for node in tree.nodes)
-    # Nodes have no height before they are drawn.
-    bottom = min(node.location.y - max(node.height, 300.0) for node in tree.nodes)
+    # A node's height is known to the window alone: its sockets tell what it will be.
+    heights = (160.0 + 22.0 * sum(s.enabled for s in (*node.inputs, *node.outputs)) for node in tree.nodes)
+    bottom = min(node.location.y - height for node, height in zip(tree.nodes, heights))
     return (left, bottom - _SPACE)
 
 

@@ -59,7 +59,8 @@ class Job:
         if self._run.step():
             return True
         self.notes += [f"quell: {text}" for text in self._run.progress.warnings]
-        self._end(self._run.outcome, self._run.message)
+        # The program, run in the render's folder, names the result's without its place.
+        self._end(self._run.outcome, self._run.message.replace(f" to {frames.RESULT_FOLDER}", f" to {self.found.result}"))
         return False
 
     def cancel(self):

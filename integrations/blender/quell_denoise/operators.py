@@ -17,6 +17,8 @@ class State:
 
     job = None
     icon = ""
+    # Where it was looked for, the program's path, the problem there was.
+    program = (None, "", None)
     # The last outcome: a message, then details.
     lines = ()
 
@@ -71,15 +73,16 @@ class QuellPreferences(bpy.types.AddonPreferences):
 
     def draw(self, context):
         self.layout.prop(self, "program")
-        try:
-            self.layout.label(text=f"Found: {find_program()}", icon="CHECKMARK")
-        except Problem as problem:
+        program, problem = known_program()
+        if problem is None:
+            self.layout.label(text=f"Found: {program}", icon="CHECKMARK")
+        else:
             wrapped(self.layout, str(problem), context, icon="ERROR")
 
 
 def wrapped(layout, text, context, icon="NONE"):
     """Labels do not wrap."""
-    width = max(24, int(getattr(context.region, "width", 400) / 7.5 / context.preferences.system.ui_scale) - 4)
+    width = max(24, int(getattr(context.region, "width", 400) / 6.5 / context.preferences.system.ui_scale) - 4)
     line, lines = "", []
     for word in text.split():
         if line and len(line) + 1 + len(word) > width:
@@ -92,10 +95,34 @@ def wrapped(layout, text, context, icon="NONE"):
         column.label(text=part, icon=icon if i == 0 else "BLANK1" if icon != "NONE" else "NONE")
 
 
-def find_program():
+def _where():
     addon = bpy.context.preferences.addons.get(__package__)
-    named = bpy.path.abspath(addon.preferences.program) if addon else ""
-    return binary.find(named, os.path.dirname(bpy.data.filepath))
+    return bpy.path.abspath(addon.preferences.program) if addon else "", os.path.dirname(bpy.data.filepath)
+
+
+def find_program():
+    """The program's path, or a Problem; what was found is kept for `known_program`."""
+    where = _where()
+    try:
+        State.program = (where, binary.find(*where), None)
+    except Problem as problem:
+        State.program = (where, "", problem)
+        raise
+    return State.program[1]
+
+
+def known_program():
+    """The same for drawing, searched for only where it may have changed.
+
+    Python that waits for a disk while a panel is drawn lets the render's thread in, and Blender may then take all later
+    scripts for drawing ones that must not write (seen in 4.3).
+    """
+    if State.program[0] != _where() and State.job is None:
+        try:
+            find_program()
+        except Problem:
+            pass
+    return State.program[1:]
 
 
 def sequence_of(scene):

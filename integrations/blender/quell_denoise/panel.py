@@ -2,8 +2,7 @@
 """The panel in Output properties."""
 import bpy
 
-from .errors import Problem
-from .operators import State, find_program, wrapped
+from .operators import State, known_program, wrapped
 
 
 class QUELL_PT_denoise(bpy.types.Panel):
@@ -15,9 +14,8 @@ class QUELL_PT_denoise(bpy.types.Panel):
     def draw(self, context):
         layout = self.layout
         settings = context.scene.quell_denoise
-        try:
-            find_program()
-        except Problem as problem:
+        _, problem = known_program()
+        if problem is not None:
             wrapped(layout.box(), str(problem), context, icon="ERROR")
 
         column = layout.column()
@@ -46,7 +44,7 @@ class QUELL_PT_denoise(bpy.types.Panel):
         row.operator("quell.load", icon="NODE_COMPOSITING")
         row.prop(settings, "motion_blur")
 
-        if State.lines:
+        if State.lines and State.lines[0] != str(problem):
             box = layout.box()
             for i, line in enumerate(State.lines):
                 wrapped(box, line, context, icon=State.icon if i == 0 else "DOT")
@@ -58,15 +56,15 @@ class QUELL_PT_prepared(bpy.types.Panel):
     bl_region_type = "WINDOW"
     bl_context = "output"
     bl_parent_id = "QUELL_PT_denoise"
-    bl_options = {"DEFAULT_CLOSED"}
 
     @classmethod
     def poll(cls, context):
         return len(context.scene.quell_denoise.prepared) > 0
 
     def draw(self, context):
+        column = self.layout.column(align=True)
         for line in context.scene.quell_denoise.prepared:
-            wrapped(self.layout, line.text, context, icon="DOT")
+            wrapped(column, line.text, context, icon="DOT")
 
 
 CLASSES = (QUELL_PT_denoise, QUELL_PT_prepared)

@@ -198,7 +198,7 @@ class Jobs(Folder):
         found = self.frames(1, 3)
         job = self.job(found)
         job.finish(0.01)
-        self.assertEqual((job.outcome, job.message), ("DONE", "3 of 3 frames are written to quell"))
+        self.assertEqual((job.outcome, job.message), ("DONE", f"3 of 3 frames are written to {found.result}"))
         self.assertEqual(job.notes, ["quell: planted"])
         self.assertEqual(found.results(), (1, 2, 3))
 

@@ -113,8 +113,10 @@ pub(super) fn fill(
     };
     frame.normal = normal(Role::Normal, renderer.normal, adapter.guides.normal_unsigned)?;
     frame.seen_normal = normal(Role::SeenNormal, renderer.seen_normal, adapter.guides.seen_unsigned)?;
-    frame.albedo = match (mapping.get(Role::Albedo).is_some(), mapping.get(Role::MatteColour).is_some()) {
-        (false, false) => None,
+    let own = [Role::Albedo, Role::MatteColour].iter().any(|role| mapping.get(*role).is_some());
+    frame.albedo = match mapping.get(Role::SeenAlbedo) {
+        // What mirrors show is no colour of the surface.
+        Some(_) if !own => None,
         _ => surface_colour(mapping, canvas, images)?,
     };
     if let Some(albedo) = &mut frame.albedo {

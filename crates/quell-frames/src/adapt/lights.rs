@@ -202,7 +202,8 @@ pub(super) fn make(
 }
 
 /// Colour of the surface, all lobes together: a pass of its own, else the lobes' colours added up, else what is seen
-/// through mirrors and glass.
+/// through mirrors and glass, else the picture that the renderer denoised itself: what it missed of the raw picture is
+/// smooth, and the filter adds it.
 pub(super) fn surface_colour(
     mapping: &Mapping,
     canvas: Window,
@@ -229,7 +230,7 @@ pub(super) fn surface_colour(
     match (sum, mapping.get(Role::SeenAlbedo)) {
         (Some(sum), _) => Ok(Some(sum)),
         (None, Some(pass)) => colour(images, pass, canvas).map(Some),
-        (None, None) => Ok(None),
+        (None, None) => mapping.denoised().map(|pass| colour(images, pass, canvas)).transpose(),
     }
 }
 

@@ -121,8 +121,18 @@ impl Adapter {
                     .to_owned(),
             );
         }
+        if let Some(denoised) = adapter.mapping.denoised() {
+            adapter.warnings.push(format!(
+                "the renderer denoised `{}` itself: the raw picture beside it is filtered, and both become the result. \
+                 Switch its denoiser off (Render > Sampling > Denoise, `cycles.use_denoising`): it costs time for nothing",
+                denoised.name
+            ));
+        }
         if !adapter.has_guides() {
-            adapter.warnings.push("no normal, depth or albedo: colour alone steers the filter".to_owned());
+            let steers = if adapter.mapping.denoised().is_some() { "the denoised picture" } else { "colour" };
+            adapter.warnings.push(format!(
+                "no normal, depth or albedo: {steers} alone steers the filter. Let the renderer write these passes"
+            ));
         }
         Ok(adapter)
     }

@@ -70,6 +70,14 @@ impl Mapping {
         self.passes.iter().find(|pass| pass.role == role)
     }
 
+    /// The picture that the renderer denoised itself, beside the raw one that is read: Blender's `Combined` where there
+    /// is a `Noisy Image`, which it writes with denoising on only.
+    pub fn denoised(&self) -> Option<&Mapped> {
+        let mut pictures = self.all(Role::Beauty);
+        let raw = pictures.next()?;
+        pictures.next().filter(|_| raw.name.to_ascii_lowercase().ends_with("noisy image"))
+    }
+
     /// All passes of a role.
     pub fn all(&self, role: Role) -> impl Iterator<Item = &Mapped> {
         self.passes.iter().filter(move |pass| pass.role == role)

@@ -4,8 +4,10 @@
 use crate::Folder;
 use exr::prelude::*;
 use quell::sequence::SequenceFrame;
+use quell_frames::driver::{Destination, Existing, Job, JobOptions};
 use quell_frames::{AdaptOptions, Adapter, ExrImage, Links, MapOptions, Role, map_roles, read_image};
 use std::path::{Path, PathBuf};
+use std::sync::atomic::AtomicBool;
 
 const WIDTH: usize = 48;
 const HEIGHT: usize = 32;
@@ -106,6 +108,60 @@ fn a_picture_beside_a_noisy_one_is_written_too() {
     adapter.write_back(&mut images, &frame, &smoothed(&frame), None).unwrap();
     assert_eq!(values(&images, "V.Noisy Image.R"), values(&images, "V.Combined.R"));
     assert_ne!(values(&images, "V.Combined.R")[40], 0.25);
+}
+
+/// A picture of stripes, raw and (if `denoised`) as the renderer filtered it itself, without any guide; what the filter
+/// makes of it. Returns mean squared errors against the stripes, noisy and filtered.
+fn without_guides(name: &str, denoised: bool) -> ([f64; 2], Vec<String>) {
+    let folder = Folder::new(name);
+    let stripes = |x: usize, _: usize| if (x / 2).is_multiple_of(2) { 0.8 } else { 0.2 };
+    let noisy = move |x: usize, y: usize| stripes(x, y) * (0.4 + 1.2 * noise(x, y, 3));
+    let mut channels: Vec<(String, Value<'_>)> = Vec::new();
+    for c in ["R", "G", "B"] {
+        if denoised {
+            channels.push((format!("V.Noisy Image.{c}"), &noisy));
+            channels.push((format!("V.Combined.{c}"), &stripes));
+        } else {
+            channels.push((format!("V.Combined.{c}"), &noisy));
+        }
+    }
+    let channels: Vec<(&str, Value<'_>)> = channels.iter().map(|(n, v)| (n.as_str(), *v)).collect();
+    let path = write(&folder, "shot.0001.exr", (WIDTH, HEIGHT), &channels);
+    let (adapter, images) = adapter(&path);
+    let job = Job::open(JobOptions {
+        inputs: vec![path],
+        destination: Destination::parse(&folder.file("clean")).unwrap(),
+        existing: Existing::Ours,
+        frames: None,
+        shot: None,
+        cuts: None,
+        map: MapOptions::default(),
+        adapt: AdaptOptions::default(),
+        settings: quell::sequence::SequenceSettings::default(),
+    });
+    assert_eq!(job.unwrap().run(&AtomicBool::new(false), &|_| {}).unwrap().written(), 1);
+    let raw = if denoised { "V.Noisy Image.R" } else { "V.Combined.R" };
+    let result = vec![read_image(&folder.file("clean").join("shot.0001.exr")).unwrap()];
+    let off = |images: &[ExrImage]| {
+        let differ = |(i, v): (usize, &f32)| f64::from(v - stripes(i % WIDTH, i / WIDTH)).powi(2);
+        values(images, raw).iter().enumerate().map(differ).sum::<f64>()
+    };
+    ([off(&images), off(&result)], adapter.warnings().to_vec())
+}
+
+#[test]
+fn what_the_renderer_denoised_itself_steers_where_there_is_no_guide_and_the_user_is_told() {
+    let ([noisy, filtered], warnings) = without_guides("denoised", true);
+    assert!(filtered < 0.1 * noisy, "{filtered} of {noisy}");
+    let told = |words: &str| warnings.iter().any(|w| w.contains(words));
+    assert!(
+        told("`V.Combined` itself") && told("cycles.use_denoising") && told("the denoised picture alone"),
+        "{warnings:?}"
+    );
+    // The same noise without that picture: stripes of two pixels are noise to the filter, and nothing claims otherwise.
+    let ([noisy, filtered], warnings) = without_guides("undenoised", false);
+    assert!(filtered > 0.1 * noisy, "{filtered} of {noisy}");
+    assert!(warnings.iter().all(|w| !w.contains("denoised")), "{warnings:?}");
 }
 
 #[test]
