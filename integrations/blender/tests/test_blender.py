@@ -6,6 +6,7 @@ PYTHON has bpy as a module, or is `blender --background --python test_blender.py
 on a small scene, and every bad input says what it should.
 """
 import os
+import re
 import shutil
 import sys
 import time
@@ -332,6 +333,19 @@ class Install(unittest.TestCase):
         bpy.ops.preferences.addon_enable(module=MODULE)
         self.assertTrue(hasattr(bpy.types.Scene, "quell_denoise"))
         self.assertTrue(hasattr(bpy.types, "QUELL_PT_denoise"))
+
+    def test_this_blender_knows_what_the_panel_draws(self):
+        """Without a window nothing is drawn, so a name that is gone would only be seen by users."""
+        folder = os.path.dirname(operators().__file__)
+        source = "".join(open(os.path.join(folder, name)).read() for name in ("operators.py", "panel.py"))
+        functions = bpy.types.UILayout.bl_rna.functions
+        known = functions["operator"].parameters["icon"].enum_items.keys()
+        # Named as an argument, and in the table of outcomes.
+        icons = re.findall(r'icon="(\w+)"', source) + re.findall(r'tell\("(\w+)"', source) + ["CANCEL", "DOT"]
+        self.assertGreater(len(icons), 10)
+        self.assertEqual([icon for icon in icons if icon not in known], [])
+        for name in ("progress", "prop", "label", "box", "separator"):
+            self.assertIn(name, functions.keys())
 
 
 if __name__ == "__main__":
