@@ -11,6 +11,8 @@ pub enum Failure {
     Failed(String),
     /// Some frames failed and the others are written: exit status 3.
     SomeFrames(String),
+    /// `quell doctor` found what would spoil the result, and has said so: no message, exit status 4.
+    Faults,
     /// Ctrl-C or SIGTERM: exit status 130.
     Interrupted(String),
     /// Whoever read standard output has gone, as `head` does: no message, exit status 0.
@@ -24,7 +26,7 @@ impl Failure {
             Self::Usage(message) | Self::Failed(message) | Self::SomeFrames(message) | Self::Interrupted(message) => {
                 message
             }
-            Self::NobodyListens => "",
+            Self::NobodyListens | Self::Faults => "",
         }
     }
 
@@ -34,7 +36,7 @@ impl Failure {
             Self::Usage(message) => eprintln!("error: {message}\n\nFor more information, try '--help'."),
             Self::Failed(message) | Self::SomeFrames(message) => eprintln!("error: {message}"),
             Self::Interrupted(message) => eprintln!("interrupted: {message}"),
-            Self::NobodyListens => {}
+            Self::NobodyListens | Self::Faults => {}
         }
     }
 
@@ -45,6 +47,7 @@ impl Failure {
             Self::Failed(_) => 1,
             Self::Usage(_) => 2,
             Self::SomeFrames(_) => 3,
+            Self::Faults => 4,
             Self::Interrupted(_) => 130,
         })
     }

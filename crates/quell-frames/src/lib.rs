@@ -2,6 +2,7 @@
 //!
 //! ```text
 //! files.rs     where a sequence's frames lie, and files that are never half written
+//! doctor/      what is wrong with a sequence, and how to fix it
 //! driver/      a sequence filtered from files to files: plan, three things at once, what may be replaced
 //! image/       any flat EXR file: windows, parts, channels, attributes; read, and written back
 //! exr_file.rs  channels and attributes of an EXR file; knows no role
@@ -69,6 +70,7 @@
 
 pub mod adapt;
 pub mod channels;
+pub mod doctor;
 pub mod driver;
 pub mod error;
 mod exr_file;

@@ -3,6 +3,7 @@
 
 pub mod compare;
 pub mod denoise;
+pub mod doctor;
 pub mod environment;
 pub mod ranges;
 pub mod scene;
@@ -12,6 +13,7 @@ use clap::{Args, Parser, Subcommand};
 use clap_complete::Shell;
 pub use compare::CompareArgs;
 pub use denoise::DenoiseArgs;
+pub use doctor::DoctorArgs;
 use quell::Size;
 use quell_trace::Estimator;
 use ranges::Frames;
@@ -83,6 +85,7 @@ pub enum Command {
     Demo(DemoArgs),
     Render(RenderArgs),
     Denoise(DenoiseArgs),
+    Doctor(DoctorArgs),
     Compare(CompareArgs),
     Scenes(ScenesArgs),
     Score(ScoreArgs),

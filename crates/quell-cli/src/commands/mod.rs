@@ -4,6 +4,7 @@ mod bench;
 mod compare;
 mod demo;
 mod denoise;
+mod doctor;
 mod explain;
 mod explain_scene;
 mod render;
@@ -51,6 +52,7 @@ pub fn run(cli: Cli) -> Result<(), Failure> {
             // Handled above: its settings are others.
             Command::Denoise(_) => Ok(()),
             Command::Demo(args) => demo::run(&context, args),
+            Command::Doctor(args) => doctor::run(&context, args),
             Command::Render(args) => render::run(&context, args),
             Command::Compare(args) => compare::run(&context, args),
             Command::Scenes(_) => scenes::run(&context),

@@ -2,6 +2,7 @@
 
 mod compare;
 mod denoise;
+mod doctor;
 mod gltf;
 mod score;
 
@@ -55,8 +56,8 @@ impl Drop for Folder {
     }
 }
 
-const COMMANDS: [&str; 9] =
-    ["demo", "render", "denoise", "compare", "score", "scenes", "bench", "reproduce", "explain"];
+const COMMANDS: [&str; 10] =
+    ["demo", "render", "denoise", "doctor", "compare", "score", "scenes", "bench", "reproduce", "explain"];
 /// The smallest run that has everything.
 const SMALL: [&str; 6] = ["render", "cornell-box", "--size", "48x27", "--direct-samples", "2"];
 

@@ -22,7 +22,7 @@ const CAMERA_FITS_PX: f64 = 1.0;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct Encodings {
     /// Normals lie in 0..1 instead of -1..1.
-    normal_unsigned: bool,
+    pub(super) normal_unsigned: bool,
     seen_unsigned: bool,
 }
 
@@ -158,7 +158,7 @@ fn depth(mapping: &Mapping, canvas: Window, images: &[ExrImage]) -> Result<Optio
 
 /// What kind of depth a file holds, measured where world positions tell a camera: the kind that explains the depths,
 /// at least twice as well as the next; `None` where nothing tells.
-pub(super) fn depth_kind(mapping: &Mapping, canvas: Window, images: &[ExrImage]) -> Result<Option<DepthKind>, Error> {
+pub(crate) fn depth_kind(mapping: &Mapping, canvas: Window, images: &[ExrImage]) -> Result<Option<DepthKind>, Error> {
     let (Some(position), Some(depth)) = (mapping.get(Role::Position), mapping.get(Role::Depth)) else {
         return Ok(None);
     };
@@ -192,7 +192,7 @@ pub(super) fn depth_kind(mapping: &Mapping, canvas: Window, images: &[ExrImage])
 }
 
 /// True where frames can be brought together: vectors, or cameras from positions or the header.
-pub(super) fn has_cameras(mapping: &Mapping, canvas: Window, images: &[ExrImage]) -> bool {
+pub(crate) fn has_cameras(mapping: &Mapping, canvas: Window, images: &[ExrImage]) -> bool {
     let positions = mapping.get(Role::Position).is_some() && mapping.renderer.position == Space::World;
     positions || (mapping.get(Role::Depth).is_some() && from_header(images, canvas).is_some())
 }

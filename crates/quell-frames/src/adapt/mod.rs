@@ -6,11 +6,11 @@
 
 mod back;
 mod camera;
-mod guides;
+pub(crate) mod guides;
 mod lights;
 mod moving;
-mod noise;
-mod planes;
+pub(crate) mod noise;
+pub(crate) mod planes;
 
 pub use back::WriteBack;
 pub use camera::PixelCamera;
@@ -56,6 +56,7 @@ pub struct Adapter {
     rule: SumRule,
     vectors: Option<[MotionConvention; 2]>,
     guides: guides::Encodings,
+    cameras: bool,
     notes: Vec<String>,
     warnings: Vec<String>,
 }
@@ -112,9 +113,10 @@ impl Adapter {
             mapping.renderer.depth = kind;
         }
         let guides = guides::Encodings::find(&mapping, canvas, first)?;
-        let mut adapter = Self { mapping, canvas, display, rule, vectors: None, guides, notes, warnings };
+        let cameras = guides::has_cameras(&mapping, canvas, first);
+        let mut adapter = Self { mapping, canvas, display, rule, vectors: None, guides, cameras, notes, warnings };
         adapter.vectors = adapter.find_vectors(&path, first, second, &options.motion)?;
-        if adapter.vectors.is_none() && !guides::has_cameras(&adapter.mapping, canvas, first) {
+        if adapter.vectors.is_none() && !adapter.cameras {
             adapter.warnings.push(
                 "nothing tells what moves (no motion vectors that are understood, no world positions, no camera): every \
                  frame is filtered by itself, and noise that is left will flicker"
@@ -165,6 +167,26 @@ impl Adapter {
     /// What may spoil the result, and what to do.
     pub fn warnings(&self) -> &[String] {
         &self.warnings
+    }
+
+    /// What the file's vectors are taken for: the first two numbers, and those for the other direction of time.
+    pub(crate) const fn vectors(&self) -> Option<[MotionConvention; 2]> {
+        self.vectors
+    }
+
+    /// True where world positions tell the camera.
+    pub(crate) fn has_positions(&self) -> bool {
+        self.mapping.get(Role::Position).is_some() && self.mapping.renderer.position == crate::roles::Space::World
+    }
+
+    /// True where frames can be brought together by cameras: from positions, or from matrices in the header.
+    pub(crate) const fn has_cameras(&self) -> bool {
+        self.cameras
+    }
+
+    /// True where normals were told to lie in 0..1.
+    pub(crate) const fn normals_unsigned(&self) -> bool {
+        self.guides.normal_unsigned
     }
 
     /// For the attribute `quell.mapping`: roles, rules, conventions.

@@ -6,7 +6,7 @@ use quell::{Plane, Rgb, Size};
 
 /// Correlation from which noise counts as repeated. Independent noise of hall: 0.02 (frames README); one seed gives
 /// more than 0.5 even under a moving camera.
-const REPEATS: f64 = 0.3;
+pub(crate) const REPEATS: f64 = 0.3;
 
 /// Least deviation of the residuals (tone-mapped, 0..1) for which noise can be told at all.
 const NOISY: f64 = 0.004;
@@ -16,7 +16,7 @@ const ROWS: usize = 3;
 
 /// What a frame leaves for its successor to compare with.
 #[derive(Clone, Debug)]
-pub(super) struct Trace {
+pub(crate) struct Trace {
     pub number: i64,
     pub size: Size,
     pub camera: Option<PixelCamera>,
@@ -57,6 +57,11 @@ impl Trace {
 
     /// True where the noise of `self` is that of `last`.
     pub fn repeats(&self, last: &Self) -> bool {
+        self.correlation(last).is_some_and(|c| c > REPEATS)
+    }
+
+    /// Correlation of the noise of two frames, pixel by pixel; `None` where too little of it can be told.
+    pub fn correlation(&self, last: &Self) -> Option<f64> {
         let (mut aa, mut bb, mut ab, mut count) = (0.0, 0.0, 0.0, 0);
         for (a, b) in self.residuals.iter().zip(&last.residuals) {
             let (a, b) = (f64::from(*a), f64::from(*b));
@@ -68,7 +73,7 @@ impl Trace {
             }
         }
         let enough = count >= 200 && (aa.min(bb) / f64::from(count)).sqrt() >= NOISY;
-        enough && ab / (aa * bb).sqrt() > REPEATS
+        enough.then(|| ab / (aa * bb).sqrt())
     }
 
     /// True where positions, depths or normals of `frame` differ from this one's in many pixels.
@@ -80,7 +85,7 @@ impl Trace {
 }
 
 /// True where a pixel and its neighbours are one smooth surface.
-fn smooth(frame: &SequenceFrame, x: usize, y: usize) -> bool {
+pub(crate) fn smooth(frame: &SequenceFrame, x: usize, y: usize) -> bool {
     let near = [(x - 1, y), (x + 1, y), (x, y - 1), (x, y + 1)];
     let depth = frame.depth.as_ref().is_none_or(|d| {
         let here = d.at(x, y);
@@ -107,7 +112,7 @@ fn guides(frame: &SequenceFrame) -> Vec<f32> {
 }
 
 /// Where a renderer's seed is set.
-pub(super) fn seed_setting(renderer: &str) -> &'static str {
+pub(crate) fn seed_setting(renderer: &str) -> &'static str {
     match renderer {
         "blender" => "Render > Sampling > Advanced: the clock beside Seed, `cycles.use_animated_seed`",
         "mitsuba" => "`seed` of `mi.render`",

@@ -7,7 +7,7 @@ use half::slice::HalfFloatSliceExt;
 use quell::{Plane, Rgb};
 
 /// The samples of a channel and where they lie.
-pub(super) fn samples(images: &[ExrImage], id: ChannelId) -> Result<(&Samples, Window), Error> {
+pub(crate) fn samples(images: &[ExrImage], id: ChannelId) -> Result<(&Samples, Window), Error> {
     let image = images.get(id.file);
     let part = image.and_then(|image| image.parts().get(id.part));
     let found = part.and_then(|part| Some((part.channels().get(id.channel)?, part.data_window())));
@@ -40,7 +40,7 @@ fn rows(canvas: Window, window: Window) -> impl Iterator<Item = (usize, usize, u
 
 /// Puts channels side by side on the canvas; `outside` where there is no data. Fewer channels than components: the
 /// last one stands for the rest (a grey picture).
-pub(super) fn gather<const N: usize>(
+pub(crate) fn gather<const N: usize>(
     images: &[ExrImage],
     channels: &[ChannelId],
     canvas: Window,
@@ -86,14 +86,14 @@ fn copy<const N: usize>(samples: &Samples, from: usize, into: &mut [[f32; N]], c
 }
 
 /// One number a pixel.
-pub(super) fn single(images: &[ExrImage], id: ChannelId, canvas: Window, outside: f32) -> Result<Plane<f32>, Error> {
+pub(crate) fn single(images: &[ExrImage], id: ChannelId, canvas: Window, outside: f32) -> Result<Plane<f32>, Error> {
     let plane = gather(images, &[id], canvas, [outside])?;
     let values = plane.into_vec().into_iter().map(|[v]| v).collect();
     Plane::from_vec(canvas.size, values).map_err(|source| Error::Frame { path: std::path::PathBuf::new(), source })
 }
 
 /// A pass as colour, black outside its data window.
-pub(super) fn colour(images: &[ExrImage], pass: &Mapped, canvas: Window) -> Result<Plane<Rgb>, Error> {
+pub(crate) fn colour(images: &[ExrImage], pass: &Mapped, canvas: Window) -> Result<Plane<Rgb>, Error> {
     gather(images, &pass.channels, canvas, [0.0; 3])
 }
 

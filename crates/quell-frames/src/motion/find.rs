@@ -36,6 +36,8 @@ pub struct MotionEvidence {
     pub still: f64,
     /// The best that leads to another place in half of the pixels at least.
     pub next: Option<(MotionConvention, f64)>,
+    /// The difference that each of the 48 leaves.
+    pub errors: Vec<(MotionConvention, f64)>,
     /// True where the best is much better than none, or nothing moves and it says so.
     pub good: bool,
 }
@@ -80,7 +82,7 @@ pub fn find_motion(earlier: &MotionGuides<'_>, later: &MotionGuides<'_>) -> Opti
     // Where nothing moves every convention is as good as none.
     let moves = later.vectors.data().iter().any(|v| v.iter().any(|v| v.is_finite() && *v != 0.0));
     let good = moves && error <= still * GOOD;
-    Some(MotionEvidence { best, error, still, next, good })
+    Some(MotionEvidence { best, error, still, next, good, errors })
 }
 
 /// True where two conventions lead to different places in many pixels.

@@ -137,6 +137,16 @@ impl Aliases {
         Ok(Self { renderers: table.renderer })
     }
 
+    /// Every name that a renderer, or any, may give a pass, with its role.
+    pub(crate) fn names(&self, renderer: &str) -> Vec<(Role, &str)> {
+        let tables = self.renderers.iter().filter(|r| r.name == renderer || r.name == "any");
+        let roles = tables.flat_map(|r| &r.roles);
+        roles
+            .filter_map(|(role, names)| Some((Role::from_name(role)?, names)))
+            .flat_map(|(role, names)| names.iter().map(move |name| (role, name.as_str())))
+            .collect()
+    }
+
     /// The renderers that the table knows.
     pub fn renderers(&self) -> &[Renderer] {
         &self.renderers

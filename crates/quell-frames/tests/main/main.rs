@@ -2,6 +2,7 @@
 
 mod adapt;
 mod aov;
+mod doctor;
 mod driver;
 mod frames;
 mod made;

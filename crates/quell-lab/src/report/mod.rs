@@ -6,12 +6,14 @@
 //! figures.rs     every figure of a comparison: tables, CSV, LaTeX
 //! comparison.rs  the page of a comparison
 //! player.rs      the page of a sequence
+//! doctor.rs      the page of the doctor
 //! document.rs    a page to read: tables and figures
 //! template.rs    places in a page's file
 //! strip.rs       the animated picture
 //! ```
 
 pub mod comparison;
+pub mod doctor;
 pub mod document;
 pub mod figures;
 pub mod json;
