@@ -17,12 +17,18 @@ use std::collections::BTreeMap;
 use std::sync::Mutex;
 use std::time::Instant;
 
+/// Said once where there are warnings.
+const DOCTOR: &str = "`quell doctor` with the same frames says more, and how to fix it";
+
 pub fn run(context: &Context, settings: SequenceSettings, args: DenoiseArgs) -> Result<(), Failure> {
     let dry_run = args.dry_run;
     let job = Job::open(options(settings, args)?)?;
     context.detail(job.mapping().trim_end());
     for note in job.notes() {
         context.note(&format!("warning: {note}"));
+    }
+    if !job.notes().is_empty() {
+        context.note(DOCTOR);
     }
     if dry_run {
         let text = job.describe();
@@ -34,6 +40,9 @@ pub fn run(context: &Context, settings: SequenceSettings, args: DenoiseArgs) -> 
     }
     output::check_folder(job.folder())?;
     let (outcome, warnings) = filter(context, &job)?;
+    if job.notes().is_empty() && !warnings.is_empty() {
+        context.note(DOCTOR);
+    }
     finish(context, &job, &outcome, warnings)
 }
 

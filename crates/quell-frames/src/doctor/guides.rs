@@ -28,6 +28,8 @@ const ALBEDO_SPOILS: f64 = 0.01;
 
 #[derive(Debug, Default)]
 pub(super) struct Guides {
+    /// The first frame that was looked at.
+    first: Option<i64>,
     lengths: Option<Lengths>,
     /// Medians of |cosine| of normals and positions: world, camera, camera with z into the scene.
     spaces: Vec<(i64, [f64; 3])>,
@@ -48,6 +50,7 @@ struct Lengths {
 
 impl Guides {
     pub fn look(&mut self, adapter: &Adapter, look: &Look) {
+        self.first = self.first.or(Some(look.number));
         if let Some(normal) = &look.raw.normal {
             let new = lengths(normal, look.number);
             if self.lengths.is_none_or(|old| new.unit < old.unit) && new.count > 0 {
@@ -73,7 +76,11 @@ impl Guides {
         }
         if let Some(albedo) = &look.raw.albedo {
             let (mut above, mut most) = (0usize, 0.0f32);
-            for pixel in albedo.data() {
+            for (i, pixel) in albedo.data().iter().enumerate() {
+                // Renderers write the sky's radiance there; it is divided out and multiplied back.
+                if look.frame.depth.as_ref().and_then(|d| d.data().get(i)).is_some_and(|d| !d.is_finite()) {
+                    continue;
+                }
                 let largest = pixel.iter().copied().filter(|v| v.is_finite()).fold(0.0, f32::max);
                 above += usize::from(largest > ALBEDO);
                 most = most.max(largest);
@@ -265,7 +272,7 @@ impl Guides {
                 if copes { Severity::Note } else { Severity::Warning },
                 format!("depth is {}, not {}", word(kind), if kind == DepthKind::Planar { word(expected) } else { word(DepthKind::Planar) }),
             )
-            .frame(self.depths.first().map_or(0, |d| d.0))
+            .frame(self.first.unwrap_or_default())
             .channel(&name)
             .evidence(evidence, figures)
             .cure(

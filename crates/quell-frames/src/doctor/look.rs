@@ -17,9 +17,8 @@ const ROW: usize = 5;
 const PAIRS: usize = 3;
 
 /// Numbers of the frames whose pixels are read, ascending: a row at the first pair of neighbours, then some pairs.
-pub(super) fn chosen(headers: &[Header], first: &Header, only: Option<&[i64]>) -> Vec<i64> {
-    let fits = |h: &&Header| h.fits(first) && only.is_none_or(|list| list.binary_search(&h.number).is_ok());
-    let numbers: Vec<i64> = headers.iter().filter(fits).map(|h| h.number).collect();
+pub(super) fn chosen(headers: &[Header], first: &Header) -> Vec<i64> {
+    let numbers: Vec<i64> = headers.iter().filter(|h| h.fits(first)).map(|h| h.number).collect();
     let follows = |a: i64, b: i64| a.checked_add(1) == Some(b);
     let pairs: Vec<(i64, i64)> = numbers.windows(2).filter(|w| follows(w[0], w[1])).map(|w| (w[0], w[1])).collect();
     let Some(first) = pairs.first() else {

@@ -109,7 +109,7 @@ pub fn examine(
     if let Some(mapping) = mappings.first() {
         found.renderer = format!("{} ({})", mapping.renderer.name, mapping.renderer_why);
     }
-    let numbers = look::chosen(&headers, first, None);
+    let numbers = look::chosen(&headers, first);
     if composite(&images) {
         found.findings.push(
             Finding::new("passes.composite", Severity::Note, "the file begins with the compositor's result")

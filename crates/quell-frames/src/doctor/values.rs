@@ -11,7 +11,7 @@ const BROKEN_SHARE: f64 = 0.02;
 /// Share of a pass's values from which negative light costs more than rounding: sharpening filters and wide gamuts make
 /// some legally (docs/doctor.md).
 const NEGATIVE_SHARE: f64 = 5e-4;
-/// Negative values count where they are this large beside the pass's mean: rounding makes tiny ones.
+/// Negative values count where they are this large beside the mean of the brightest pass: rounding makes tiny ones.
 const NEGATIVE_DEPTH: f64 = 0.01;
 /// A firefly is this many times as bright as the second brightest pixel of the 5x5 around it and as the picture's mean.
 const FIREFLY_TIMES: f32 = 30.0;
@@ -89,14 +89,17 @@ impl Values {
                 if may_be_infinite(pass.role) {
                     sum.infinite = 0;
                 }
-                let mean = sum.sum / sum.values.max(1) as f64;
-                if !is_light(pass.role) || -sum.least <= NEGATIVE_DEPTH * mean {
-                    sum.negative = 0;
-                }
                 (pass, sum)
             })
             .collect();
-        for (pass, sum) in counts {
+        // The beauty, or the brightest of the passes.
+        let mean = |c: &Count| c.sum / c.values.max(1) as f64;
+        let lights = counts.iter().filter(|(pass, _)| is_light(pass.role));
+        let bright = lights.map(|(_, c)| mean(c)).fold(0.0, f64::max);
+        for (pass, mut sum) in counts {
+            if !is_light(pass.role) || -sum.least <= NEGATIVE_DEPTH * bright {
+                sum.negative = 0;
+            }
             let kinds = [sum.nan, sum.infinite, sum.negative];
             for (kind, (worst, n)) in self.worst.iter_mut().zip(kinds).enumerate() {
                 let before = worst.as_ref().map_or(0, |(_, _, c)| [c.nan, c.infinite, c.negative][kind]);
