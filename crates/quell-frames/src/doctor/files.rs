@@ -226,9 +226,13 @@ fn ends_alike(a: &Path, b: &Path) -> bool {
 
 /// Frames whose pictures are the same, bit for bit.
 pub(super) fn repeated(pairs: &[(i64, i64)], beauty: &str, found: &mut Diagnosis) {
-    let Some((first, second)) = pairs.first().copied() else { return };
+    let next = |(a, b): &&(i64, i64)| a.checked_add(1) == Some(*b);
+    // Neighbours first: a loop may come round to the same frame.
+    let adjacent = pairs.iter().find(next);
+    let Some((first, second)) = adjacent.or(pairs.first()).copied() else { return };
+    let severity = if adjacent.is_some() { Severity::Fault } else { Severity::Warning };
     found.findings.push(
-        Finding::new("frames.repeated", Severity::Fault, format!("frame {second} is frame {first} once more"))
+        Finding::new("frames.repeated", severity, format!("frame {second} is frame {first} once more"))
             .frame(second)
             .channel(beauty)
             .evidence(
