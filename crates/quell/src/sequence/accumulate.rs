@@ -59,19 +59,30 @@ pub(super) fn accumulate(window: &[&Member], centre: usize, gather: &Gather) -> 
         moments.data_mut(),
         2 * here.slots.len() * w,
         |y, colours, moments| {
-            let mut met: Vec<Tap> = Vec::new();
+            // Along the surface's way, and along that of what a mirror shows.
+            let (mut met, mut met_reflected): (Vec<Tap>, Vec<Tap>) = (Vec::new(), Vec::new());
             let mut sums = vec![[0.0f32; 3]; planes];
-            let mut seen: Vec<f32> = Vec::new();
+            let (mut seen, mut seen_reflected): (Vec<f32>, Vec<f32>) = (Vec::new(), Vec::new());
             for x in 0..w {
-                taps(window, centre, y * w + x, gather, &mut met);
+                let p = y * w + x;
+                taps(window, centre, p, false, gather, &mut met);
+                let likeness =
+                    |t: &Tap| energy::weight(seen_energy(here, p, window[t.frame as usize], t.pixel as usize, gather));
                 seen.clear();
                 if looks_through {
-                    seen.extend(met.iter().map(|t| {
-                        energy::weight(seen_energy(here, y * w + x, window[t.frame as usize], t.pixel as usize, gather))
-                    }));
+                    seen.extend(met.iter().map(likeness));
+                }
+                if here.specular(p) {
+                    taps(window, centre, p, true, gather, &mut met_reflected);
+                    seen_reflected.clear();
+                    seen_reflected.extend(met_reflected.iter().map(likeness));
                 }
                 for (l, slot) in here.slots.iter().enumerate() {
-                    let seen = if Class::of(slot.kind) == Class::Seen { &seen[..] } else { &[] };
+                    let (met, seen) = match Class::of(slot.kind) {
+                        Class::Seen if here.reflects(p, slot.kind) => (&met_reflected, &seen_reflected[..]),
+                        Class::Seen => (&met, &seen[..]),
+                        _ => (&met, &[][..]),
+                    };
                     let sums = &mut sums[..slot.planes];
                     sums.fill([0.0; 3]);
                     let (mut total, mut squares, mut second) = (0.0f32, 0.0f32, 0.0f32);

@@ -4,6 +4,7 @@ use super::accumulate::accumulate;
 use super::energy::Class;
 use super::frame::SequenceFrame;
 use super::member::Member;
+use super::reflections::follow_reflections;
 use super::rows::Rows;
 use super::settings::SequenceSettings;
 use super::stabilise::{self, stabilise};
@@ -95,15 +96,16 @@ impl SequenceDenoiser {
     /// [`Error::EmptySize`], [`Error::PlaneSize`]: the frame is left out and the denoiser unchanged.
     pub fn push(&mut self, frame: SequenceFrame, wanted: bool) -> Result<Vec<Filtered>, Error> {
         check(&frame)?;
-        let (member, repaired) = Member::new(frame);
+        let (mut member, repaired) = Member::new(frame);
         let follows = self.entries.back().is_none_or(|last| {
             last.member.number.checked_add(1) == Some(member.number) && last.member.same_kind(&member)
         });
         let mut out = if follows { Vec::new() } else { self.finish()? };
-        if let Some(last) = self.entries.back_mut()
-            && last.member.motion_to_next.is_none()
-        {
-            last.member.derive_motion_to_next(&member);
+        if let Some(last) = self.entries.back_mut() {
+            if last.member.motion_to_next.is_none() {
+                last.member.derive_motion_to_next(&member);
+            }
+            follow_reflections(&mut last.member, &mut member);
         }
         self.entries.push_back(Entry { member, wanted, repaired, estimate: None });
         out.extend(self.ready(false));

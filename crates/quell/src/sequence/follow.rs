@@ -3,6 +3,7 @@
 use super::guides::Surface;
 use super::member::Member;
 use super::settings::Gather;
+use crate::plane::Plane;
 
 /// A pixel of another frame that shows the surface, with its weight.
 #[derive(Clone, Copy, Debug)]
@@ -30,16 +31,31 @@ const LEAST_SHARE: f32 = 0.01;
 const SAME_NOISE: f32 = 0.75;
 
 /// All taps of pixel `index` of `window[centre]`, itself first.
-pub(super) fn taps(window: &[&Member], centre: usize, index: usize, gather: &Gather, taps: &mut Vec<Tap>) {
+pub(super) fn taps(
+    window: &[&Member],
+    centre: usize,
+    index: usize,
+    reflected: bool,
+    gather: &Gather,
+    taps: &mut Vec<Tap>,
+) {
     taps.clear();
     taps.push(Tap { frame: centre as u32, distance: 0, pixel: index as u32, weight: 1.0 });
-    follow(window, centre, index, false, gather, taps);
+    follow(window, centre, index, false, reflected, gather, taps);
     if gather.future {
-        follow(window, centre, index, true, gather, taps);
+        follow(window, centre, index, true, reflected, gather, taps);
     }
 }
 
-fn follow(window: &[&Member], centre: usize, index: usize, forward: bool, gather: &Gather, taps: &mut Vec<Tap>) {
+fn follow(
+    window: &[&Member],
+    centre: usize,
+    index: usize,
+    forward: bool,
+    reflected: bool,
+    gather: &Gather,
+    taps: &mut Vec<Tap>,
+) {
     let size = window[centre].size;
     let (w, h) = (size.width, size.height);
     let steps = if forward { window.len() - 1 - centre } else { centre }.min(gather.frames as usize);
@@ -50,9 +66,9 @@ fn follow(window: &[&Member], centre: usize, index: usize, forward: bool, gather
     for k in 1..=steps {
         let (from, to) = if forward { (centre + k - 1, centre + k) } else { (centre + 1 - k, centre - k) };
         let (from, member) = (window[from], window[to]);
-        let motion = if forward { &from.motion_to_next } else { &from.motion_to_previous };
-        let Some(motion) = motion else { return };
-        let m = motion.data()[nearest];
+        let way = motion(from, forward, reflected);
+        let Some(way) = way else { return };
+        let m = way.data()[nearest];
         at = (at.0 + m[0], at.1 + m[1]);
         // NaN fails too: unknown motion ends the way.
         if !(at.0 > -0.5 && at.1 > -0.5 && at.0 < w as f32 - 0.5 && at.1 < h as f32 - 0.5) {
@@ -61,7 +77,7 @@ fn follow(window: &[&Member], centre: usize, index: usize, forward: bool, gather
         let repeated = (from.repeats_noise || member.repeats_noise)
             && (at.0 - origin.0).abs() < SAME_NOISE
             && (at.1 - origin.1).abs() < SAME_NOISE;
-        let back = if forward { &member.motion_to_previous } else { &member.motion_to_next };
+        let back = motion(member, !forward, reflected);
         let (left, top) = (at.0.floor(), at.1.floor());
         let (tx, ty) = (at.0 - left, at.1 - top);
         let pixel_size =
@@ -97,6 +113,16 @@ fn follow(window: &[&Member], centre: usize, index: usize, forward: bool, gather
             tracked = s;
         }
     }
+}
+
+/// Motion of a frame's surfaces, or of what mirrors and glass show.
+pub(super) fn motion(member: &Member, forward: bool, reflected: bool) -> Option<&Plane<[f32; 2]>> {
+    let (surface, reflection) = if forward {
+        (&member.motion_to_next, &member.reflection_to_next)
+    } else {
+        (&member.motion_to_previous, &member.reflection_to_previous)
+    };
+    if reflected { reflection.as_ref().or(surface.as_ref()) } else { surface.as_ref() }
 }
 
 fn difference(a: &Surface, b: &Surface) -> [f32; 3] {

@@ -102,6 +102,23 @@ impl Guides {
     }
 }
 
+/// Added to the albedo seen in mirrors and glass: a difference that no tolerance bridges.
+const APART: f32 = 8.0;
+
+impl Guides {
+    /// Sets pixels apart whose glossy light was divided by what they show (`divisor` is not 1): it never mixes with light
+    /// that was not.
+    pub(super) fn set_apart(&mut self, divisor: &[[f32; 3]]) {
+        let mut marks = self.local.seen_albedo[0].iter_mut();
+        let mut seen = self.seen.iter_mut().flatten();
+        for d in divisor {
+            let apart = if *d == [1.0; 3] { 0.0 } else { APART };
+            marks.next().into_iter().for_each(|mark| *mark += apart);
+            seen.next().into_iter().for_each(|seen| seen[0] += apart);
+        }
+    }
+}
+
 impl Local {
     fn new(frame: &SequenceFrame, surface: &[Surface]) -> Self {
         let (w, h) = (frame.size.width, frame.size.height);

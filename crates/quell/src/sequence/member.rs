@@ -35,6 +35,9 @@ pub(super) struct Member {
     pub guides: Guides,
     pub motion_to_previous: Option<Plane<[f32; 2]>>,
     pub motion_to_next: Option<Plane<[f32; 2]>>,
+    /// Likewise of what mirrors and glass show; elsewhere the surface's. `None`: the surface's everywhere.
+    pub reflection_to_previous: Option<Plane<[f32; 2]>>,
+    pub reflection_to_next: Option<Plane<[f32; 2]>>,
     pub alpha: Option<Plane<f32>>,
     pub variance: Option<Plane<f32>>,
     pub repeats_noise: bool,
@@ -43,7 +46,7 @@ pub(super) struct Member {
 impl Member {
     /// Takes the frame apart. What is not finite becomes 0 and is counted.
     pub(super) fn new(frame: SequenceFrame) -> (Self, usize) {
-        let guides = Guides::new(&frame);
+        let mut guides = Guides::new(&frame);
         let mut slots = Vec::with_capacity(frame.lights.len());
         let mut planes = 0;
         // In a medium even what is steady behind it has noise: whether a ray gets there is chance.
@@ -68,6 +71,7 @@ impl Member {
         }
         let seen_colour = seen_colour(&frame);
         if let Some(seen) = &seen_colour {
+            guides.set_apart(seen);
             for slot in slots.iter().filter(|s| Class::of(s.kind) == Class::Seen) {
                 for (pixel, colour) in samples.chunks_exact_mut(planes).zip(seen) {
                     for sample in &mut pixel[slot.first..slot.first + slot.planes] {
@@ -91,6 +95,8 @@ impl Member {
             guides,
             motion_to_previous: frame.motion_to_previous,
             motion_to_next: frame.motion_to_next,
+            reflection_to_previous: None,
+            reflection_to_next: None,
             alpha: frame.alpha,
             variance: frame.variance,
             repeats_noise: frame.repeats_noise,
@@ -103,6 +109,16 @@ impl Member {
         self.guides.local = Local::default();
         self.weights.iter_mut().for_each(|w| *w = None);
         self.variance = None;
+    }
+
+    /// True where pixel `p` is a mirror or glass.
+    pub(super) fn specular(&self, p: usize) -> bool {
+        self.seen_colour.as_ref().is_some_and(|s| s[p] != [1.0; 3])
+    }
+
+    /// True where light of that kind is the image of other things in a mirror or glass: it moves by its own motion.
+    pub(super) fn reflects(&self, p: usize, kind: LightKind) -> bool {
+        matches!(kind, LightKind::GlossyIndirect | LightKind::Transmission) && self.specular(p)
     }
 
     /// True where `other` holds the same lights at the same extent.
@@ -136,8 +152,11 @@ impl Member {
     }
 }
 
-/// Diffuse colour below which a surface counts as a mirror or as glass.
-const PURELY_SPECULAR: f32 = 0.02;
+/// A surface whose matte colour is less than this share of its glossy or transmitted colour is a mirror or glass: what
+/// else a pixel of its edge holds counts little.
+const SPECULAR_SHARE: f32 = 0.1;
+/// Colour that is assumed where glossy light has none of its own.
+const UNKNOWN_COLOUR: f32 = 0.2;
 /// Least colour that light is divided by.
 const LEAST_COLOUR: f32 = 0.02;
 
@@ -148,10 +167,21 @@ fn seen_colour(frame: &SequenceFrame) -> Option<Vec<Rgb>> {
     let matte = |l: &&Light| matches!(l.kind, LightKind::MatteDirect | LightKind::MatteIndirect);
     let diffuse = frame.lights.iter().filter(matte).find_map(|l| l.weight.as_ref());
     let (seen, diffuse) = (frame.seen_albedo.as_ref()?, diffuse.or(frame.albedo.as_ref())?);
-    let pixel = |(seen, diffuse): (&Rgb, &Rgb)| {
-        let specular = diffuse.iter().all(|&c| c < PURELY_SPECULAR);
+    let mut specular = vec![0.0f32; frame.size.pixels()];
+    for light in frame.lights.iter().filter(|l| Class::of(l.kind) == Class::Seen) {
+        match &light.weight {
+            Some(weight) => {
+                for (specular, w) in specular.iter_mut().zip(weight.data()) {
+                    *specular = w.iter().copied().fold(*specular, f32::max);
+                }
+            }
+            None => specular.iter_mut().for_each(|s| *s = s.max(UNKNOWN_COLOUR)),
+        }
+    }
+    let pixel = |((seen, diffuse), specular): ((&Rgb, &Rgb), &f32)| {
+        let specular = diffuse.iter().all(|&c| c < SPECULAR_SHARE * specular);
         let lit = seen.iter().all(|c| c.is_finite()) && seen.iter().any(|&c| c > 0.0);
         if specular && lit { seen.map(|c| c.max(LEAST_COLOUR)) } else { [1.0; 3] }
     };
-    Some(seen.data().iter().zip(diffuse.data()).map(pixel).collect())
+    Some(seen.data().iter().zip(diffuse.data()).zip(&specular).map(pixel).collect())
 }

@@ -6,6 +6,7 @@
 //! denoiser.rs    frames in, filtered frames out; the order of the stages
 //! member.rs      a frame of the window, made ready
 //! guides.rs      guides made ready: slopes of depth, unit normals, how noisy they are themselves
+//! reflections.rs what mirrors show moves by itself: its motion, found by matching
 //! follow.rs      stage 1: where a pixel's surface lies in the other frames
 //! accumulate.rs  stage 1: the samples met there, averaged
 //! variance.rs    stage 2: the variance of that average
@@ -25,6 +26,7 @@ mod follow;
 pub mod frame;
 mod guides;
 mod member;
+mod reflections;
 mod rows;
 pub mod settings;
 mod simd;

@@ -21,7 +21,7 @@ parameters! {
             higher "Less noise, more smear.", lower "Noisier reflections.", source "ours";
         transmission_decay: f32 = 0.6, 0.0..=1.0, "per frame", "Likewise of light through glass.",
             higher "Less noise, more smear.", lower "Noisier glass.", source "ours";
-        seen_albedo: f32 = 0.1, 0.01..=16.0, "of the tone-mapped range", "Tolerance of the albedo seen in mirrors and through glass.",
+        seen_albedo: f32 = 0.06, 0.01..=16.0, "of the tone-mapped range", "Tolerance of the albedo seen in mirrors and through glass.",
             higher "Reflections smear.", lower "Noisier ones.", source "ours";
         seen_normal: f32 = 8.0, 0.0..=1000.0, "per 1 - cosine", "Fall of a sample's weight with the normal seen there.",
             higher "Noisier reflections.", lower "They smear.", source "ours";
@@ -51,6 +51,8 @@ parameters! {
             higher "Smoother reflections.", lower "Noisier ones.", source "ours";
         transmission: f32 = 4.0, 0.0..=64.0, "standard deviations", "Of light through glass, in media, and of an undivided beauty.",
             higher "Smoother.", lower "Noisier.", source "ours";
+        mirror: f32 = 2.5, 0.0..=64.0, "standard deviations", "Of what mirrors and clear glass show.",
+            higher "Shadows seen in mirrors fade.", lower "Noisier mirrors.", source "ours";
         normal: f32 = 48.0, 0.0..=1000.0, "per 1 - cosine", "Fall of the weight between normals.",
             higher "Sharper creases, less smoothing of curved surfaces.", lower "Light leaks round corners.", source "SVGF: 128th power";
         depth: f32 = 0.01, 1e-5..=1.0, "of depth", "Tolerance of the depth that the tangent plane predicts.",

@@ -3,6 +3,7 @@
 //! frame evens out.
 
 use super::energy;
+use super::follow;
 use super::member::Member;
 use super::settings::{Gather, Stabilise};
 use crate::frame::Rgb;
@@ -62,25 +63,25 @@ pub(super) fn stabilise(
                 for k in 1..=steps {
                     let (from, to) = if forward { (centre + k - 1, centre + k) } else { (centre + 1 - k, centre - k) };
                     let from = window[from].member;
-                    let motion = if forward { &from.motion_to_next } else { &from.motion_to_previous };
-                    let Some(motion) = motion else { break };
-                    let m = motion.data()[front.pixel];
-                    at = (at.0 + m[0], at.1 + m[1]);
-                    // NaN fails too: unknown motion ends the way.
-                    if !(at.0 >= 0.0 && at.1 >= 0.0 && at.0 <= (w - 1) as f32 && at.1 <= (h - 1) as f32) {
-                        break;
-                    }
-                    let there = self::front(window[to].member, at.0.round() as usize, at.1.round() as usize);
-                    if !there.same(&front) || !returns(window[to].member, forward, there.pixel, m) {
-                        break;
-                    }
-                    front = there;
+                    let specular = here.member.specular(y * w + x);
+                    let there = window[to].member;
+                    // What a mirror or a glass shows moves by itself; where that motion is unsure, the surface's counts,
+                    // unless it leads elsewhere.
+                    let along = |reflected: bool| step(from, there, forward, reflected, at, &front);
+                    let mut tolerance = s.seen_albedo;
+                    let step = match along(specular) {
+                        None if specular && departs(from, forward, front.pixel) <= NO_DEPARTURE => {
+                            tolerance *= UNSURE;
+                            along(false)
+                        }
+                        step => step,
+                    };
+                    let Some((place, next)) = step else { break };
+                    (at, front) = (place, next);
                     let q = at.1.round() as usize * w + at.0.round() as usize;
                     let p = y * w + x;
-                    // What a mirror or a glass shows moves by itself.
-                    let specular = here.member.seen_colour.as_ref().is_some_and(|s| s[p] != [1.0; 3]);
                     let unlike = if specular { seen_difference(here.member, p, window[to].member, q) } else { 0.0 };
-                    let weight = decayed * energy::weight(unlike / (2.0 * s.seen_albedo * s.seen_albedo));
+                    let weight = decayed * energy::weight(unlike / (2.0 * tolerance * tolerance));
                     let other = &window[to];
                     let taps = CubicTaps::new(size, at);
                     let c = taps.fetch(|i| other.picture.data()[i]);
@@ -126,12 +127,43 @@ fn seen_difference(here: &Member, p: usize, other: &Member, q: usize) -> f32 {
     (0..3).map(|c| (a[p][c] - b[q][c]).powi(2)).sum()
 }
 
+/// Where a silhouette lies one frame further, and what is in front there; `None`: it is lost.
+fn step(
+    from: &Member,
+    to: &Member,
+    forward: bool,
+    reflected: bool,
+    at: (f32, f32),
+    front: &Front,
+) -> Option<((f32, f32), Front)> {
+    let (w, h) = (from.size.width, from.size.height);
+    let m = follow::motion(from, forward, reflected)?.data()[front.pixel];
+    let at = (at.0 + m[0], at.1 + m[1]);
+    // NaN fails too: unknown motion ends the way.
+    if !(at.0 >= 0.0 && at.1 >= 0.0 && at.0 <= (w - 1) as f32 && at.1 <= (h - 1) as f32) {
+        return None;
+    }
+    let there = self::front(to, at.0.round() as usize, at.1.round() as usize);
+    (there.same(front) && returns(to, forward, reflected, there.pixel, m)).then_some((at, there))
+}
+
+/// How much more alike a mirror must look where the surface's motion stands in.
+const UNSURE: f32 = 0.25;
+/// Pixels by which the motion of what is seen at a pixel may differ from the surface's and still be the same.
+const NO_DEPARTURE: f32 = 1.0;
+
+fn departs(member: &Member, forward: bool, pixel: usize) -> f32 {
+    let at = |reflected: bool| follow::motion(member, forward, reflected).map_or([0.0; 2], |m| m.data()[pixel]);
+    let (seen, surface) = (at(true), at(false));
+    ((seen[0] - surface[0]).powi(2) + (seen[1] - surface[1]).powi(2)).sqrt()
+}
+
 /// Misses of the way there and back: in pixels, and as a part of its length.
 const ROUND_TRIP: [f32; 2] = [0.5, 0.1];
 
 /// True where the motion at `pixel` leads back by `motion`, or is unknown.
-fn returns(member: &Member, forward: bool, pixel: usize, motion: [f32; 2]) -> bool {
-    let back = if forward { &member.motion_to_previous } else { &member.motion_to_next };
+fn returns(member: &Member, forward: bool, reflected: bool, pixel: usize, motion: [f32; 2]) -> bool {
+    let back = follow::motion(member, !forward, reflected);
     let Some(back) = back else { return true };
     let r = back.data()[pixel];
     let length = (motion[0] * motion[0] + motion[1] * motion[1]).sqrt();

@@ -149,6 +149,15 @@ impl Level<'_> {
         let mut energy: [Vec<f32>; 4] = std::array::from_fn(|_| vec![0.0; w]);
         let mut total = vec![0.0f32; lights * w];
         let mut weights = vec![0.0f32; w];
+        // Squared, of every light at every pixel.
+        let mut tolerances = vec![0.0f32; lights * w];
+        for &l in active {
+            let kind = member.slots[l].kind;
+            for (x, squared) in tolerances[l * w..][..w].iter_mut().enumerate() {
+                let k = if member.reflects(y * w + x, kind) { s.mirror } else { tolerance(s, kind) };
+                *squared = k * k;
+            }
+        }
         for dy in -2..=2isize {
             for dx in -2..=2isize {
                 let Some(o) = Offset::new(w, h, y, dx * step, dy * step) else { continue };
@@ -164,8 +173,7 @@ impl Level<'_> {
                     if centre {
                         weights.fill(share);
                     } else {
-                        let k = tolerance(s, slot.kind);
-                        let k2 = k * k;
+                        let squared = &o.centres(&tolerances[l * w..][..w])[..n];
                         let energy = &energy[classes[l]][..n];
                         let mean = |y: usize| compared.row(y, 2 * l);
                         let spread = |y: usize| compared.row(y, 2 * l + 1);
@@ -175,7 +183,7 @@ impl Level<'_> {
                             let d = mp[i] - mq[i];
                             let v = vp[i] + vq[i];
                             let contrast = LEAST_CONTRAST * mp[i];
-                            let stop = (d * d - v).max(0.0) / (k2 * v + contrast * contrast + 1e-12);
+                            let stop = (d * d - v).max(0.0) / (squared[i] * v + contrast * contrast + 1e-12);
                             weights[i] = share * weight(energy[i] + stop);
                         }
                     }

@@ -316,3 +316,62 @@ fn every_parameter_matters() {
         assert!(moves, "{} changes nothing", p.name);
     }
 }
+
+/// What a mirror shows moves by its own motion, which no file holds: a shadow there, that the guides do not tell, is
+/// neither smeared nor left noisy.
+#[test]
+fn what_a_mirror_shows_is_followed_by_its_own_motion() {
+    const REFLECTED: f32 = 3.0;
+    let size = Size::new(64, 48);
+    // What is seen: random tiles of 4 pixels, and a dark stripe of 6 on a floor lit by 1.
+    let colour = |x: f32, y: usize, t: i64| {
+        let u = x - REFLECTED * t as f32 + 400.0;
+        0.3 + 0.6 * random((u / 4.0) as usize, y / 4, 0, 5)
+    };
+    let shadow = |x: f32, t: i64| {
+        let u = (x - REFLECTED * t as f32 + 400.0).rem_euclid(24.0);
+        if u < 6.0 { 0.3 } else { 1.0 }
+    };
+    let mirror = |t: i64| {
+        let mut frame = SequenceFrame::new(t, size);
+        let noise = |x: usize, y: usize| 2.0 * random(x, y, t, 3);
+        let light = Plane::from_fn(size, |x, y| [colour(x as f32, y, t) * shadow(x as f32, t) * noise(x, y); 3]);
+        let mut matte = Light::new("matte", LightKind::MatteIndirect, Plane::filled(size, [0.0; 3]));
+        matte.weight = Some(Plane::filled(size, [0.0; 3]));
+        let mut glossy = Light::new("glossy", LightKind::GlossyIndirect, light);
+        glossy.weight = Some(Plane::filled(size, [0.9; 3]));
+        frame.lights = vec![matte, glossy];
+        frame.depth = Some(Plane::filled(size, 4.0));
+        frame.normal = Some(Plane::filled(size, [0.0, 0.0, 1.0]));
+        frame.position = Some(Plane::from_fn(size, |x, y| [x as f32 * 0.1, y as f32 * -0.1, 0.0]));
+        frame.motion_to_previous = Some(Plane::filled(size, [0.0; 2]));
+        frame.motion_to_next = Some(Plane::filled(size, [0.0; 2]));
+        frame.seen_albedo = Some(Plane::from_fn(size, |x, y| [colour(x as f32, y, t); 3]));
+        frame.seen_normal = Some(Plane::filled(size, [0.0, 1.0, 0.0]));
+        frame
+    };
+    let error = |out: &[Filtered]| -> f64 {
+        let middle = &out[out.len() / 2];
+        let pixels = (12..size.width - 12).flat_map(|x| (4..size.height - 4).map(move |y| (x, y)));
+        let square = |(x, y): (usize, usize)| {
+            let true_light = colour(x as f32, y, middle.number) * shadow(x as f32, middle.number);
+            f64::from(middle.lights[1].planes[0].at(x, y)[0] - true_light).powi(2)
+        };
+        let all: Vec<f64> = pixels.map(square).collect();
+        all.iter().sum::<f64>() / all.len() as f64
+    };
+    // Without a filter over the image: what counts are the samples that other frames bring.
+    let alone = [("gather.frames", "0"), ("wavelet.levels", "0"), ("stabilise.frames", "0")];
+    let gathered = [("wavelet.levels", "0"), ("stabilise.frames", "0")];
+    let (noisy, followed) =
+        (error(&run(&settings(&alone), (0..9).map(mirror))), error(&run(&settings(&gathered), (0..9).map(mirror))));
+    assert!(followed < noisy / 2.5, "{followed} of {noisy}");
+    // A mirror that hides its colours is followed as a surface is: the canary.
+    let blind = |t: i64| {
+        let mut frame = mirror(t);
+        frame.seen_albedo = Some(Plane::filled(size, [0.5; 3]));
+        frame
+    };
+    let smeared = error(&run(&settings(&gathered), (0..9).map(blind)));
+    assert!(smeared > 2.0 * followed, "{smeared} and {followed}");
+}

@@ -1,0 +1,266 @@
+//! Motion of what mirrors and glass show: not the surface's own, and in no file. It is found by matching what is seen
+//! there (Cycles' `Denoising Albedo` and `Denoising Normal`, nearly free of noise) between two frames.
+//!
+//! Coarse to fine over a pyramid: at the coarsest level every offset near the surface's motion is tried, at finer ones
+//! what the level above found there and beside. Where nothing is to be told apart, the surface's own motion stays.
+
+use super::member::Member;
+use crate::par;
+use crate::plane::{Plane, Size};
+
+/// Colour and normal that a pixel shows.
+type Seen = [f32; 6];
+
+/// Levels halve the picture until one side is shorter than twice this.
+const COARSEST: usize = 40;
+/// Offsets tried at the coarsest level, each way.
+const SEARCH: i32 = 3;
+/// Half the side of the compared patches.
+const PATCH: i32 = 3;
+/// The most that one pixel of a patch may differ by: edges of what is seen cover and uncover.
+const MOST_DIFFERENCE: f32 = 0.25;
+/// What a pixel of departure from the surface's motion costs, squared, at the level where it is taken.
+const DEPARTURE: f32 = 2e-5;
+/// Another motion than the surface's must be better by this factor.
+const SURFACE_BONUS: f32 = 0.7;
+/// Another offset than the one found at the level above, likewise.
+const STAY: f32 = 0.95;
+/// Pixels of mirror that a patch must hold: what is thin tells nothing.
+const LEAST_PATCH: usize = 30;
+/// Share of mirror in a coarse pixel from which it takes part.
+const LEAST_SHARE: f32 = 0.5;
+
+/// One level of the pyramid.
+struct Level {
+    size: Size,
+    seen: Vec<Seen>,
+    /// How much of the pixel is mirror or glass, 0..1.
+    share: Vec<f32>,
+}
+
+impl Level {
+    fn finest(member: &Member) -> Option<Self> {
+        let (seen, specular) = (member.guides.seen.as_ref()?, member.seen_colour.as_ref()?);
+        let share: Vec<f32> = specular.iter().map(|&s| if s == [1.0; 3] { 0.0 } else { 1.0 }).collect();
+        share.contains(&1.0).then(|| Self { size: member.size, seen: seen.clone(), share })
+    }
+
+    /// Means over 2x2, of the mirror's part alone.
+    fn coarser(&self) -> Self {
+        let size = Size::new(self.size.width.div_ceil(2), self.size.height.div_ceil(2));
+        let (mut seen, mut share) = (Vec::with_capacity(size.pixels()), Vec::with_capacity(size.pixels()));
+        for y in 0..size.height {
+            for x in 0..size.width {
+                let (mut sum, mut weight, mut pixels) = ([0.0f32; 6], 0.0f32, 0.0f32);
+                for qy in 2 * y..(2 * y + 2).min(self.size.height) {
+                    for qx in 2 * x..(2 * x + 2).min(self.size.width) {
+                        let q = qy * self.size.width + qx;
+                        for (sum, value) in sum.iter_mut().zip(&self.seen[q]) {
+                            *sum += self.share[q] * value;
+                        }
+                        weight += self.share[q];
+                        pixels += 1.0;
+                    }
+                }
+                seen.push(if weight > 0.0 { sum.map(|s| s / weight) } else { [0.0; 6] });
+                share.push(weight / pixels);
+            }
+        }
+        Self { size, seen, share }
+    }
+
+    fn at(&self, x: i32, y: i32) -> Option<usize> {
+        let inside = x >= 0 && y >= 0 && (x as usize) < self.size.width && (y as usize) < self.size.height;
+        inside.then(|| y as usize * self.size.width + x as usize)
+    }
+}
+
+fn pyramid(finest: Level) -> Vec<Level> {
+    let mut levels = vec![finest];
+    while let Some(last) = levels.last()
+        && last.size.width.min(last.size.height) >= 2 * COARSEST
+    {
+        let next = last.coarser();
+        levels.push(next);
+    }
+    levels
+}
+
+/// Sets the motion of reflections between two neighbouring frames, both ways.
+pub(super) fn follow_reflections(previous: &mut Member, next: &mut Member) {
+    let (Some(a), Some(b)) = (Level::finest(previous), Level::finest(next)) else { return };
+    let (a, b) = (pyramid(a), pyramid(b));
+    next.reflection_to_previous = next.motion_to_previous.as_ref().map(|m| follow(&b, &a, m.clone()));
+    previous.reflection_to_next = previous.motion_to_next.as_ref().map(|m| follow(&a, &b, m.clone()));
+}
+
+/// Replaces `motion` from `here` to `there` at mirrors and glass.
+fn follow(here: &[Level], there: &[Level], mut motion: Plane<[f32; 2]>) -> Plane<[f32; 2]> {
+    let surface = motions(here, &motion);
+    let mut found: Vec<[i32; 2]> = Vec::new();
+    let mut above = Size::new(0, 0);
+    for level in (0..here.len()).rev() {
+        let pair = Pair { here: &here[level], there: &there[level], surface: &surface[level] };
+        let size = pair.here.size;
+        let coarse = std::mem::take(&mut found);
+        found = par::plane(size, |x, y| pair.best(x as i32, y as i32, &coarse, above)).into_vec();
+        above = size;
+        found = pair.calm(&found);
+    }
+    let pair = Pair { here: &here[0], there: &there[0], surface: &surface[0] };
+    let size = pair.here.size;
+    let fine = par::plane(size, |x, y| pair.between_pixels(x as i32, y as i32, &found));
+    let known = |m: &[f32; 2]| m.iter().all(|c| c.is_finite());
+    for ((m, fine), share) in motion.data_mut().iter_mut().zip(fine.data()).zip(&here[0].share) {
+        if *share > 0.0 && known(m) {
+            *m = *fine;
+        }
+    }
+    motion
+}
+
+/// The surface's motion at each level, in its pixels; means over the mirror's part.
+fn motions(levels: &[Level], motion: &Plane<[f32; 2]>) -> Vec<Vec<[f32; 2]>> {
+    let known = |m: &[f32; 2]| if m.iter().all(|c| c.is_finite()) { *m } else { [0.0; 2] };
+    let mut all = vec![motion.data().iter().map(known).collect::<Vec<_>>()];
+    for pair in levels.windows(2) {
+        let (fine, coarse) = (&pair[0], &pair[1]);
+        let Some(last) = all.last() else { break };
+        let mean = |x: usize, y: usize| {
+            let (mut sum, mut weight) = ([0.0f32; 2], 0.0f32);
+            for qy in 2 * y..(2 * y + 2).min(fine.size.height) {
+                for qx in 2 * x..(2 * x + 2).min(fine.size.width) {
+                    let q = qy * fine.size.width + qx;
+                    sum = [0, 1].map(|c| sum[c] + fine.share[q] * last[q][c]);
+                    weight += fine.share[q];
+                }
+            }
+            if weight > 0.0 { sum.map(|s| 0.5 * s / weight) } else { [0.0; 2] }
+        };
+        all.push(par::plane(coarse.size, mean).into_vec());
+    }
+    all
+}
+
+/// A level of both frames.
+struct Pair<'a> {
+    here: &'a Level,
+    there: &'a Level,
+    surface: &'a [[f32; 2]],
+}
+
+impl Pair<'_> {
+    /// Pixels of mirror in the patch.
+    fn population(&self, x: i32, y: i32) -> usize {
+        let around = (-PATCH..=PATCH).flat_map(|dy| (-PATCH..=PATCH).map(move |dx| (x + dx, y + dy)));
+        around.filter_map(|(x, y)| self.here.at(x, y)).filter(|&p| self.here.share[p] >= LEAST_SHARE).count()
+    }
+
+    /// Mean difference of the patches round (x, y) here and round (x, y) + `offset` there, and the cost of departing.
+    fn cost(&self, x: i32, y: i32, offset: [i32; 2]) -> f32 {
+        let (mut sum, mut n) = (0.0f32, 0.0f32);
+        for dy in -PATCH..=PATCH {
+            for dx in -PATCH..=PATCH {
+                let Some(p) = self.here.at(x + dx, y + dy).filter(|&p| self.here.share[p] >= LEAST_SHARE) else {
+                    continue;
+                };
+                let q = self.there.at(x + dx + offset[0], y + dy + offset[1]);
+                let difference = match q.filter(|&q| self.there.share[q] >= LEAST_SHARE) {
+                    Some(q) => {
+                        let (a, b) = (&self.here.seen[p], &self.there.seen[q]);
+                        (0..6).map(|c| (a[c] - b[c]).powi(2)).sum::<f32>().min(MOST_DIFFERENCE)
+                    }
+                    None => MOST_DIFFERENCE,
+                };
+                sum += difference;
+                n += 1.0;
+            }
+        }
+        let Some(p) = self.here.at(x, y).filter(|_| n > 0.0) else { return f32::MAX };
+        let departure = [0, 1].map(|c| offset[c] as f32 - self.surface[p][c]);
+        sum / n + DEPARTURE * (departure[0] * departure[0] + departure[1] * departure[1])
+    }
+
+    /// The best offset of a pixel, from those of the level above.
+    fn best(&self, x: i32, y: i32, coarse: &[[i32; 2]], above: Size) -> [i32; 2] {
+        let Some(p) = self.here.at(x, y) else { return [0; 2] };
+        let start = self.surface[p].map(|m| m.round() as i32);
+        if self.here.share[p] < LEAST_SHARE || self.population(x, y) < LEAST_PATCH {
+            return start;
+        }
+        let mut best = (SURFACE_BONUS * self.cost(x, y, start), start);
+        let attempt = |offset: [i32; 2], best: &mut (f32, [i32; 2])| {
+            let cost = self.cost(x, y, offset);
+            if cost < best.0 {
+                *best = (cost, offset);
+            }
+        };
+        if coarse.is_empty() {
+            for dy in -SEARCH..=SEARCH {
+                for dx in -SEARCH..=SEARCH {
+                    attempt([start[0] + dx, start[1] + dy], &mut best);
+                }
+            }
+            return best.1;
+        }
+        for (dx, dy) in [(0, 0), (-1, 0), (1, 0), (0, -1), (0, 1)] {
+            let (qx, qy) = (x / 2 + dx, y / 2 + dy);
+            if qx >= 0 && qy >= 0 && (qx as usize) < above.width && (qy as usize) < above.height {
+                attempt(coarse[qy as usize * above.width + qx as usize].map(|c| 2 * c), &mut best);
+            }
+        }
+        let middle = best.1;
+        best.0 *= STAY;
+        for dy in -1..=1 {
+            for dx in -1..=1 {
+                attempt([middle[0] + dx, middle[1] + dy], &mut best);
+            }
+        }
+        best.1
+    }
+
+    /// Medians over 3x3 of the mirror's part, component by component: single patches err.
+    fn calm(&self, found: &[[i32; 2]]) -> Vec<[i32; 2]> {
+        let size = self.here.size;
+        let median = |x: usize, y: usize| {
+            let p = y * size.width + x;
+            let (x, y) = (x as i32, y as i32);
+            if self.population(x, y) < LEAST_PATCH || self.here.share[p] < LEAST_SHARE {
+                return found[p];
+            }
+            let mut around = [Vec::new(), Vec::new()];
+            for q in (-1..=1).flat_map(|dy| (-1..=1).filter_map(move |dx| self.here.at(x + dx, y + dy))) {
+                if self.here.share[q] >= LEAST_SHARE {
+                    around[0].push(found[q][0]);
+                    around[1].push(found[q][1]);
+                }
+            }
+            around.map(|mut v| {
+                v.sort_unstable();
+                v[v.len() / 2]
+            })
+        };
+        par::plane(size, median).into_vec()
+    }
+
+    /// The least of the parabolas through the best offset's cost and its neighbours'.
+    fn between_pixels(&self, x: i32, y: i32, found: &[[i32; 2]]) -> [f32; 2] {
+        let Some(p) = self.here.at(x, y).filter(|&p| self.here.share[p] >= LEAST_SHARE) else { return [0.0; 2] };
+        if found[p] == self.surface[p].map(|m| m.round() as i32) {
+            return self.surface[p];
+        }
+        let best = found[p];
+        let middle = self.cost(x, y, best);
+        [0, 1].map(|c| {
+            let beside = |step: i32| {
+                let mut offset = best;
+                offset[c] += step;
+                self.cost(x, y, offset)
+            };
+            let (before, after) = (beside(-1), beside(1));
+            let bend = before + after - 2.0 * middle;
+            let shift = if bend > 1e-12 { (0.5 * (before - after) / bend).clamp(-0.5, 0.5) } else { 0.0 };
+            best[c] as f32 + shift
+        })
+    }
+}
