@@ -183,5 +183,42 @@ fn seen_colour(frame: &SequenceFrame) -> Option<Vec<Rgb>> {
         let lit = seen.iter().all(|c| c.is_finite()) && seen.iter().any(|&c| c > 0.0);
         if specular && lit { seen.map(|c| c.max(LEAST_COLOUR)) } else { [1.0; 3] }
     };
-    Some(seen.data().iter().zip(diffuse.data()).zip(&specular).map(pixel).collect())
+    let mut colours: Vec<Rgb> = seen.data().iter().zip(diffuse.data()).zip(&specular).map(pixel).collect();
+    divide_edges(frame, &mut colours);
+    Some(colours)
+}
+
+/// Colour of reflections and refractions from which a pixel at a mirror's edge counts as part of it.
+const PARTLY_SPECULAR: f32 = 0.2;
+
+/// A pixel at the edge of a mirror shows mirror and frame, so it has a diffuse colour; its reflection is the mirror's
+/// all the same, and is divided by what its neighbours in the mirror were: else light that was divided would be mixed with
+/// light that was not (a dotted white line around mirrors).
+fn divide_edges(frame: &SequenceFrame, colours: &mut [Rgb]) {
+    let (w, h) = (frame.size.width, frame.size.height);
+    let inner = colours.to_vec();
+    let weights: Vec<&Plane<Rgb>> =
+        frame.lights.iter().filter(|l| Class::of(l.kind) == Class::Seen).filter_map(|l| l.weight.as_ref()).collect();
+    for y in 0..h {
+        for x in 0..w {
+            let reflects = || weights.iter().any(|plane| plane.at(x, y).iter().any(|&c| c > PARTLY_SPECULAR));
+            if inner[y * w + x] != [1.0; 3] || !reflects() {
+                continue;
+            }
+            let (mut sum, mut count) = ([0.0; 3], 0.0);
+            for v in y.saturating_sub(1)..(y + 2).min(h) {
+                for near in &inner[v * w + x.saturating_sub(1)..v * w + (x + 2).min(w)] {
+                    if *near != [1.0; 3] {
+                        count += 1.0;
+                        for c in 0..3 {
+                            sum[c] += near[c];
+                        }
+                    }
+                }
+            }
+            if count > 0.0 {
+                colours[y * w + x] = sum.map(|c| c / count);
+            }
+        }
+    }
 }
