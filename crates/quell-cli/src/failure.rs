@@ -100,7 +100,10 @@ impl From<quell_trace::TraceError> for Failure {
 
 impl From<quell_frames::Error> for Failure {
     fn from(error: quell_frames::Error) -> Self {
-        Self::Failed(error.to_string())
+        match error {
+            quell_frames::Error::Memory { .. } => Self::Usage(error.to_string()),
+            error => Self::Failed(error.to_string()),
+        }
     }
 }
 

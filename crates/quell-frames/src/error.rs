@@ -42,6 +42,22 @@ pub enum Error {
         /// The file.
         path: PathBuf,
     },
+    /// The job does not fit in memory, in however many bands.
+    #[error(
+        "the job takes {} at the least, and the limit is {}; raise --max-memory, write fewer frames at a time, or look \
+         less far (--set gather.frames=4)",
+        crate::driver::in_words(*.needed),
+        crate::driver::in_words(*.limit)
+    )]
+    Memory {
+        /// Bytes.
+        needed: u64,
+        /// Bytes.
+        limit: u64,
+    },
+    /// What another error said before.
+    #[error("{0}")]
+    Told(String),
     /// The planes to be written contradict each other; nothing was written.
     #[error("{} was not written: {source}", .path.display())]
     Frame {
@@ -72,6 +88,8 @@ impl Error {
             Kind::ReadOnlyFilesystem,
             Kind::NotADirectory,
             Kind::WriteZero,
+            // The largest size that the process may write.
+            Kind::FileTooLarge,
         ];
         *action != "read" && lasting.contains(&source.kind())
     }

@@ -39,8 +39,9 @@ pub struct DenoiseArgs {
     /// First frames of new shots [default: found from the pictures, and printed]
     #[arg(long, value_name = "LIST", allow_hyphen_values = true)]
     pub cuts: Option<Cuts>,
-    /// all (the passes still add up), or beauty: light passes go through as they are
-    #[arg(long, value_name = "all|beauty", default_value = "all")]
+    /// all (the passes still add up), beauty (light passes go through as they are), or a list of roles or pass names such as
+    /// beauty,diffuse_direct: the others go through as they are
+    #[arg(long, value_name = "all|beauty|LIST", default_value = "all")]
     pub passes: Passes,
     /// Only this view layer [default: every one, each from its own guides]
     #[arg(long, value_name = "NAME")]
@@ -70,7 +71,11 @@ pub struct DenoiseArgs {
     /// Also replace files that quell did not write
     #[arg(long)]
     pub overwrite: bool,
-    /// Say what would be done: frames, and what each channel is taken for; write nothing
+    /// Most memory to use, such as 8G or 500M: where the job would take more, the picture is filtered in bands of rows, to
+    /// the same bits, with files that wait beside the output [default: what the system has free]
+    #[arg(long, value_name = "SIZE")]
+    pub max_memory: Option<Bytes>,
+    /// Say what would be done: frames, what each channel is taken for, memory; write nothing
     #[arg(long)]
     pub dry_run: bool,
 }
@@ -97,6 +102,8 @@ pub enum Passes {
     All,
     /// The beauty alone.
     Beauty,
+    /// Those that are named.
+    List(Vec<String>),
 }
 
 impl FromStr for Passes {
@@ -106,8 +113,36 @@ impl FromStr for Passes {
         match text {
             "all" => Ok(Self::All),
             "beauty" => Ok(Self::Beauty),
-            _ => Err(format!("`{text}` is no choice of passes; there are all, beauty")),
+            _ if text.split(',').all(|name| !name.trim().is_empty()) => {
+                Ok(Self::List(text.split(',').map(|name| name.trim().to_owned()).collect()))
+            }
+            _ => Err(format!("`{text}` is no choice of passes; there are all, beauty, or names with commas between")),
         }
+    }
+}
+
+/// An amount of memory: `8G`, `500M`; 1024 bytes are a K.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Bytes(pub u64);
+
+impl FromStr for Bytes {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let wrong = || format!("`{text}` is no amount of memory; write 8G or 500M");
+        let upper = text.trim().to_ascii_uppercase();
+        let unit = upper.trim_start_matches(|c: char| c.is_ascii_digit() || c == '.');
+        let number: f64 = upper[..upper.len() - unit.len()].parse().map_err(|_| wrong())?;
+        let factor = match unit.trim_end_matches("IB").trim_end_matches('B') {
+            "" => 0,
+            "K" => 10,
+            "M" => 20,
+            "G" => 30,
+            "T" => 40,
+            _ => return Err(wrong()),
+        };
+        let bytes = number * (1u64 << factor) as f64;
+        if bytes >= 1.0 && bytes < u64::MAX as f64 { Ok(Self(bytes as u64)) } else { Err(wrong()) }
     }
 }
 
@@ -139,7 +174,13 @@ mod tests {
         assert_eq!("1034,1070".parse(), Ok(Cuts(vec![1034, 1070])));
         assert_eq!("none".parse(), Ok(Cuts(Vec::new())));
         assert!("x".parse::<Cuts>().unwrap_err().contains("none"));
-        assert!("some".parse::<Passes>().unwrap_err().contains("beauty"));
+        assert!("a,,b".parse::<Passes>().unwrap_err().contains("beauty"));
+        assert_eq!("beauty, DiffDir".parse(), Ok(Passes::List(vec!["beauty".to_owned(), "DiffDir".to_owned()])));
+        assert_eq!("500M".parse(), Ok(Bytes(500 << 20)));
+        assert_eq!("1.5GiB".parse(), Ok(Bytes(3 << 29)));
+        for wrong in ["", "8X", "-1G", "G", "1e30T"] {
+            assert!(wrong.parse::<Bytes>().unwrap_err().contains("8G"), "{wrong}");
+        }
         assert!("future".parse::<History>().is_err());
     }
 }

@@ -9,7 +9,7 @@ use crate::progress::Progress;
 use crate::{interrupt, output};
 use quell::sequence::SequenceSettings;
 use quell_frames::adapt::{AdaptOptions, MotionChoice};
-use quell_frames::driver::{Destination, Event, Existing, Fate, Job, JobOptions, Outcome, StageTime, Times};
+use quell_frames::driver::{Destination, Event, Existing, Fate, Job, JobOptions, Outcome, StageTime, Times, in_words};
 use quell_frames::roles::MapOptions;
 use quell_lab::report::{FrameStatus, Status};
 use serde_json::{Map, Value, json};
@@ -76,8 +76,14 @@ fn options(mut settings: SequenceSettings, args: DenoiseArgs) -> Result<JobOptio
                 Some(name) => MotionChoice::Preset(name.to_owned()),
             },
             beauty_only: args.passes == Passes::Beauty,
+            passes: match args.passes {
+                Passes::List(names) => Some(names),
+                Passes::All | Passes::Beauty => None,
+            },
         },
         settings,
+        max_memory: args.max_memory.map(|bytes| bytes.0),
+        bands: None,
     })
 }
 
@@ -98,6 +104,11 @@ fn filter(context: &Context, job: &Job) -> Result<(Outcome, Vec<String>), Failur
                 let rate = (done + 1) as f64 / begin.elapsed().as_secs_f64().max(1e-6);
                 let left = (wanted - heard.0.min(wanted)) as f64 / rate;
                 progress.done_with(done, &format!("({number}), {rate:.2} frames a second, {left:.0} s left"));
+            }
+            Event::Band(band, bands) => {
+                if !context.quiet {
+                    progress.say(&format!("band {} of {bands}: frames are written after the last one", band + 1));
+                }
             }
             Event::Cut(number) => {
                 if !context.quiet {
@@ -130,6 +141,9 @@ fn filter(context: &Context, job: &Job) -> Result<(Outcome, Vec<String>), Failur
 fn finish(context: &Context, job: &Job, outcome: &Outcome, warnings: Vec<String>) -> Result<(), Failure> {
     for line in costs(&outcome.times) {
         context.detail(&line);
+    }
+    if let Some(peak) = peak() {
+        context.detail(&format!("memory    {} at the peak", in_words(peak)));
     }
     let written = outcome.written();
     let wanted = outcome.frames.len() + job.plan().missing.len();
@@ -189,12 +203,32 @@ fn report(context: &Context, job: &Job, outcome: Option<&Outcome>, warnings: &[S
     report
 }
 
+/// The most memory that the process has held so far, where the system tells it.
+fn peak() -> Option<u64> {
+    let status = std::fs::read_to_string("/proc/self/status").ok()?;
+    let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;
+    Some(line.trim().trim_end_matches("kB").trim().parse::<u64>().ok()? * 1024)
+}
+
 /// Fields beside those that every report has.
 fn further(job: &Job, outcome: Option<&Outcome>) -> Map<String, Value> {
     let mut further = Map::new();
     further.insert("output".to_owned(), job.folder().to_string_lossy().into());
     further.insert("mapping".to_owned(), job.mapping().into());
     further.insert("reach".to_owned(), job.reach().into());
+    if let Ok(memory) = job.memory() {
+        let limit = memory.limit.map(|limit| limit.0);
+        further.insert(
+            "memory".to_owned(),
+            json!({
+                "bytes": memory.bytes,
+                "whole_bytes": memory.whole,
+                "bands": memory.bands,
+                "limit_bytes": limit,
+                "peak_bytes": peak(),
+            }),
+        );
+    }
     if let Some(outcome) = outcome {
         let times = &outcome.times;
         let stage = |stage: &StageTime| json!({ "cpu_seconds": stage.cpu, "busy_seconds": stage.busy });

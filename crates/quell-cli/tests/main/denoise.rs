@@ -119,3 +119,90 @@ fn ctrl_c_leaves_whole_files_and_resume_goes_on() {
     assert_eq!(folder.files("clean").len(), 40);
     assert!(err(&output).contains(&format!("of {}", 40 - before.len())), "{}", err(&output));
 }
+
+#[test]
+fn a_limit_of_memory_is_kept_in_bands_and_a_hopeless_one_is_a_usage_error() {
+    let folder = Folder::new("denoise-memory");
+    // Six copies of one frame stand for a sequence: only their size matters here.
+    rendered(&folder, "120x1000", 1);
+    let noisy = folder.0.join("frames/noisy");
+    for number in 2..=6 {
+        fs::copy(noisy.join("noisy.0001.exr"), noisy.join(format!("noisy.{number:04}.exr"))).expect("copied");
+    }
+    let narrow = ["--set", "wavelet.levels=1", "--set", "wavelet.transmission_levels=1"];
+    let narrow = [&narrow[..], &SMALL_WINDOW].concat();
+    let denoise = |to: &str, limit: &str| -> (Value, String) {
+        let more = ["-o", to, "--json", "-v", "--threads", "2", "--max-memory", limit];
+        let output = run(&folder.0, &[&["denoise", "frames/noisy"][..], &more, &narrow].concat());
+        assert_eq!(output.status.code(), Some(0), "{}", err(&output));
+        (serde_json::from_str(&out(&output)).expect("JSON"), err(&output))
+    };
+    let (whole, _) = denoise("whole", "8G");
+    assert_eq!(whole["memory"]["bands"], 1);
+    let estimated = whole["memory"]["bytes"].as_u64().expect("an estimate");
+    // Estimates are from above.
+    if let Some(peak) = whole["memory"]["peak_bytes"].as_u64() {
+        assert!(peak <= estimated, "{peak} {estimated}");
+    }
+    let limit = (96 << 20) + (estimated - (96 << 20)) * 6 / 10;
+    let (banded, told) = denoise("banded", &limit.to_string());
+    assert!(banded["memory"]["bands"].as_u64() > Some(1), "{}", banded["memory"]);
+    assert!(told.contains("band 1 of"), "{told}");
+    if let Some(peak) = banded["memory"]["peak_bytes"].as_u64() {
+        assert!(peak <= limit, "{peak} {limit}");
+        assert!(peak < whole["memory"]["peak_bytes"].as_u64().unwrap_or(0), "{peak}");
+    }
+    for name in folder.files("whole") {
+        let bytes = |to: &str| fs::read(folder.0.join(to).join(&name)).expect("a frame");
+        assert!(bytes("whole") == bytes("banded"), "{name}");
+    }
+    assert_eq!(folder.files("banded").len(), 6);
+
+    let hopeless = ["denoise", "frames/noisy", "-o", "x", "--max-memory", "1M"];
+    let output = run(&folder.0, &hopeless);
+    assert_eq!(output.status.code(), Some(2), "{}", err(&output));
+    assert!(err(&output).contains("MiB at the least") && err(&output).contains("--max-memory"), "{}", err(&output));
+    let dry = run(&folder.0, &[&hopeless[..4], &["--max-memory", "8G", "--dry-run"]].concat());
+    assert!(out(&dry).contains("memory        at most") && out(&dry).contains("8.0 GiB"), "{}", out(&dry));
+    assert!(!folder.0.join("x").exists());
+}
+
+#[test]
+fn chosen_passes_are_filtered_and_the_others_stay() {
+    let folder = Folder::new("denoise-passes");
+    rendered(&folder, "32x18", 2);
+    let denoise =
+        |passes: &str| run(&folder.0, &["denoise", "frames/noisy", "-o", "clean", "--overwrite", "--passes", passes]);
+    let output = denoise("beauty,diffind");
+    assert_eq!(output.status.code(), Some(0), "{}", err(&output));
+    assert!(err(&output).contains("no longer add up"), "{}", err(&output));
+    let image = |folder: &Path| quell_frames::read_image(&folder.join("noisy.0001.exr")).expect("a frame");
+    let (before, after) = (image(&folder.0.join("frames/noisy")), image(&folder.0.join("clean")));
+    let changed = |name: &str| {
+        let at = before.parts()[0].find(name).unwrap_or_else(|| panic!("{name}"));
+        before.samples(0, at) != after.samples(0, at)
+    };
+    assert!(changed("DiffInd.R") && changed("R"));
+    assert!(!changed("GlossInd.R") && !changed("Depth.Z"));
+    let output = denoise("sparkle");
+    assert_eq!(output.status.code(), Some(1), "{}", err(&output));
+    assert!(err(&output).contains("sparkle") && err(&output).contains("matte"), "{}", err(&output));
+}
+
+/// The largest file that a process may write stands for a disk that is full: nothing is left of the frame that failed.
+#[test]
+#[cfg(unix)]
+fn a_full_disk_leaves_nothing_half_written() {
+    let folder = Folder::new("denoise-full");
+    rendered(&folder, "96x54", 3);
+    let program = quell(&folder.0).get_program().to_owned();
+    for more in ["", "--set gather.frames=1"] {
+        // Blocks of 512 bytes; the signal that comes with the error is ignored, as on a disk there is none.
+        let line = format!("trap '' XFSZ; ulimit -f 8; exec \"$0\" denoise frames/noisy -o clean {more}");
+        let output =
+            Command::new("sh").args(["-c", &line]).arg(&program).current_dir(&folder.0).output().expect("a shell");
+        assert_eq!(output.status.code(), Some(1), "{}", err(&output));
+        assert!(err(&output).contains("cannot write"), "{}", err(&output));
+        assert_eq!(folder.files("clean"), [""; 0], "{}", err(&output));
+    }
+}

@@ -4,10 +4,12 @@ use super::lights::{NO_GROUP, REST};
 use super::planes::{colour, one, scatter};
 use super::{Adapter, Error};
 use crate::image::ExrImage;
-use crate::roles::{Mapped, Role};
+use crate::roles::{Mapped, Mapping, Role};
 use quell::sequence::{Light, SequenceFrame};
 use quell::{Plane, Rgb};
 use rayon::prelude::*;
+use std::collections::BTreeSet;
+use std::path::Path;
 
 /// What was put into the images.
 #[derive(Clone, Debug, PartialEq, Eq, Default)]
@@ -25,7 +27,7 @@ impl Adapter {
     /// within the rounding of the beauty alone. Everything else stays as it is.
     ///
     /// `lights` are the filtered planes without weight, in the order of `frame.lights`; `alpha` the filtered coverage,
-    /// where it is to be written. Channels for which [`Adapter::reads`] is true and that were forgotten are read again.
+    /// where it is to be written. The images need no samples.
     ///
     /// # Errors
     /// [`Error::Invalid`] where planes and frame do not belong together or a file has changed meanwhile.
@@ -43,15 +45,18 @@ impl Adapter {
             return Err(Error::invalid(&path, reason));
         }
         for (file, image) in images.iter_mut().enumerate() {
-            image.load(self.reads(file))?;
+            if image.full_window().union(self.canvas) != self.canvas {
+                image.load(self.reads(file))?;
+            }
         }
         let mut report = WriteBack::default();
         let mut beauty = Plane::filled(size, [0.0; 3]);
+        let written = |pass: &&Mapped| self.written.as_ref().is_none_or(|names| names.contains(&pass.name));
         for (light, plane) in frame.lights.iter().zip(lights).filter(|(light, _)| light.in_beauty) {
             let pass = self.mapping.passes.iter().find(|p| p.role.light().is_some() && p.name == light.name);
-            match pass.filter(|_| self.rule.factored && light.name != REST) {
-                // The rest, or a beauty from which nothing could be told apart.
-                None => add(&mut beauty, plane, light.weight.as_ref()),
+            match pass.filter(|_| self.rule.factored && light.name != REST).filter(written) {
+                // The rest, a beauty from which nothing could be told apart, or a pass that stays as it came.
+                None => add(&mut beauty, plane, light.weight.as_deref()),
                 Some(pass) if self.rule.colour_inside => {
                     let mut stored = product(plane, light);
                     report.clamped_to_half += scatter(images, pass, self.canvas, &mut stored)?;
@@ -62,12 +67,12 @@ impl Adapter {
                     let mut stored = plane.clone();
                     report.clamped_to_half += scatter(images, pass, self.canvas, &mut stored)?;
                     report.filtered.push(pass.name.clone());
-                    add(&mut beauty, &stored, light.weight.as_ref());
+                    add(&mut beauty, &stored, light.weight.as_deref());
                 }
             }
         }
         self.groups(images, frame, lights, &beauty, &mut report)?;
-        for pass in self.mapping.all(Role::Beauty) {
+        for pass in self.mapping.all(Role::Beauty).filter(written) {
             let mut stored = beauty.clone();
             report.clamped_to_half += scatter(images, pass, self.canvas, &mut stored)?;
             report.filtered.push(pass.name.clone());
@@ -103,7 +108,9 @@ impl Adapter {
         }
         let passes: Vec<&Mapped> = self.mapping.all(Role::LightGroup).collect();
         for (light, mut plane) in groups {
-            let Some(pass) = passes.iter().find(|pass| pass.name == light.name && light.name != NO_GROUP) else {
+            let kept = |pass: &&&Mapped| self.written.as_ref().is_none_or(|names| names.contains(&pass.name));
+            let Some(pass) = passes.iter().filter(kept).find(|pass| pass.name == light.name && light.name != NO_GROUP)
+            else {
                 continue;
             };
             for (i, value) in plane.data_mut().iter_mut().enumerate() {
@@ -144,11 +151,43 @@ impl Adapter {
         for light in super::lights::make(&self.mapping, &self.rule, self.canvas, images)? {
             let pass = self.mapping.passes.iter().find(|p| p.role.light().is_some() && p.name == light.name);
             let Some(pass) = pass.filter(|_| light.in_beauty) else { continue };
-            let weight = if self.rule.colour_inside { None } else { light.weight.as_ref() };
+            let weight = if self.rule.colour_inside { None } else { light.weight.as_deref() };
             add(&mut sum, &colour(images, pass, self.canvas)?, weight);
         }
         Ok(sum)
     }
+}
+
+/// The names of the passes that a user's list means: by role, by name, or by the last part of the name.
+///
+/// # Errors
+/// [`Error::Invalid`] where an entry means none; those that there are are listed.
+pub(super) fn chosen(
+    path: &Path,
+    mapping: &Mapping,
+    list: Option<&[String]>,
+) -> Result<Option<BTreeSet<String>>, Error> {
+    let Some(list) = list else { return Ok(None) };
+    let filtered = |pass: &&Mapped| pass.role.light().is_some() || matches!(pass.role, Role::Beauty | Role::LightGroup);
+    let mut names = BTreeSet::new();
+    for entry in list {
+        let plain = |text: &str| text.to_lowercase().replace([' ', '_', '-'], "");
+        let meant = |pass: &&Mapped| {
+            let last = pass.name.rsplit('.').next().unwrap_or_default();
+            [pass.role.to_string().as_str(), &pass.name, last].iter().any(|name| plain(name) == plain(entry))
+        };
+        let before = names.len();
+        names.extend(mapping.passes.iter().filter(filtered).filter(meant).map(|pass| pass.name.clone()));
+        if names.len() == before && !mapping.passes.iter().filter(filtered).any(|pass| meant(&pass)) {
+            let known = |pass: &Mapped| {
+                if pass.name.is_empty() { pass.role.to_string() } else { format!("{} ({})", pass.role, pass.name) }
+            };
+            let known: Vec<String> = mapping.passes.iter().filter(filtered).map(known).collect();
+            let reason = format!("there is no light pass `{entry}` to filter; there are {}", known.join(", "));
+            return Err(Error::invalid(path, reason));
+        }
+    }
+    Ok(Some(names))
 }
 
 fn product(plane: &Plane<Rgb>, light: &Light) -> Plane<Rgb> {

@@ -7,6 +7,8 @@ use crate::roles::{Mapped, Mapping, Role};
 use quell::sequence::{Light, LightKind};
 use quell::{Plane, Rgb};
 use rayon::prelude::*;
+use std::collections::BTreeMap;
+use std::sync::Arc;
 
 /// Residual below which passes count as complete. Half rounding of three factors leaves 0.0003 (frames README).
 const COMPLETE: f64 = 0.02;
@@ -141,6 +143,18 @@ impl SumRule {
     }
 }
 
+/// How many lights a frame has at most, and how many planes multiply them back.
+pub(super) fn count(mapping: &Mapping, rule: &SumRule) -> (usize, usize) {
+    let terms = if rule.factored { terms(mapping) } else { Vec::new() };
+    let groups = mapping.all(Role::LightGroup).count();
+    let rest = usize::from(!rule.complete);
+    let shared: std::collections::BTreeSet<&str> =
+        terms.iter().filter_map(|(_, _, colour)| Some(colour.as_ref()?.name.as_str())).collect();
+    // Where the colour is inside, every light has a weight of its own.
+    let weights = if rule.colour_inside { terms.len() } else { shared.len() };
+    (terms.len() + rest + if groups > 0 { groups + 1 } else { 0 }, weights + usize::from(rest + groups > 0))
+}
+
 /// The lights of a frame; those of the file's passes first, in the mapping's order, then the rest, then light groups.
 pub(super) fn make(
     mapping: &Mapping,
@@ -149,15 +163,23 @@ pub(super) fn make(
     images: &[ExrImage],
 ) -> Result<Vec<Light>, Error> {
     let terms = if rule.factored { terms(mapping) } else { Vec::new() };
+    // A colour that multiplies several passes is one plane.
+    let mut colours: BTreeMap<&str, Arc<Plane<Rgb>>> = BTreeMap::new();
+    for factor in terms.iter().filter_map(|(_, _, factor)| *factor) {
+        if !colours.contains_key(factor.name.as_str()) {
+            colours.insert(&factor.name, Arc::new(colour(images, factor, canvas)?));
+        }
+    }
     let mut lights: Vec<Light> = terms
         .par_iter()
         .map(|(pass, kind, factor)| {
             let mut light = Light::new(pass.name.clone(), *kind, colour(images, pass, canvas)?);
-            light.weight = factor.map(|pass| colour(images, pass, canvas)).transpose()?;
+            light.weight = factor.and_then(|factor| colours.get(factor.name.as_str()).cloned());
             if rule.colour_inside {
                 let matte = matches!(kind, LightKind::MatteDirect | LightKind::MatteIndirect);
                 if light.weight.is_none() && matte {
-                    light.weight = mapping.get(Role::Albedo).map(|pass| colour(images, pass, canvas)).transpose()?;
+                    let albedo = mapping.get(Role::Albedo).map(|pass| colour(images, pass, canvas)).transpose()?;
+                    light.weight = albedo.map(Arc::new);
                 }
                 demodulate(&mut light);
             }
@@ -174,7 +196,7 @@ pub(super) fn make(
             Light::new(if lights.is_empty() { String::new() } else { REST.to_owned() }, LightKind::Beauty, rest);
         let has_matte = lights.iter().any(|l| matches!(l.kind, LightKind::MatteDirect | LightKind::MatteIndirect));
         if !has_matte {
-            light.weight = surface_colour(mapping, canvas, images)?;
+            light.weight = surface_colour(mapping, canvas, images)?.map(Arc::new);
             demodulate(&mut light);
         }
         lights.push(light);
@@ -183,7 +205,7 @@ pub(super) fn make(
     if let Some(beauty) = beauty
         && !groups.is_empty()
     {
-        let weight = surface_colour(mapping, canvas, images)?;
+        let weight = surface_colour(mapping, canvas, images)?.map(Arc::new);
         let mut none = beauty;
         let first = lights.len();
         for pass in groups {
@@ -236,7 +258,7 @@ pub(super) fn surface_colour(
 
 /// Takes the weight out of the light. Where the colour is black, or no number, the weight becomes 1.
 fn demodulate(light: &mut Light) {
-    let Some(weight) = &mut light.weight else { return };
+    let Some(weight) = light.weight.as_mut().map(Arc::make_mut) else { return };
     light.light.data_mut().par_iter_mut().zip(weight.data_mut().par_iter_mut()).for_each(|(light, weight)| {
         if !weight.iter().all(|w| w.is_finite()) || weight.iter().all(|w| *w < 1e-4) {
             *weight = [1.0; 3];

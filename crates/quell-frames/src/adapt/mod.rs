@@ -6,6 +6,7 @@
 
 mod back;
 mod camera;
+mod footprint;
 pub(crate) mod guides;
 mod lights;
 mod moving;
@@ -14,6 +15,7 @@ pub(crate) mod planes;
 
 pub use back::WriteBack;
 pub use camera::PixelCamera;
+pub use footprint::Footprint;
 pub use lights::SumRule;
 
 use crate::error::Error;
@@ -45,6 +47,8 @@ pub struct AdaptOptions {
     pub motion: MotionChoice,
     /// Only the beauty is filtered and written; light passes go through untouched.
     pub beauty_only: bool,
+    /// Passes that are written filtered, by role or name; the others go through untouched. Absent: all.
+    pub passes: Option<Vec<String>>,
 }
 
 /// How one view layer's files become frames and come back.
@@ -57,6 +61,8 @@ pub struct Adapter {
     vectors: Option<[MotionConvention; 2]>,
     guides: guides::Encodings,
     cameras: bool,
+    /// Names of the passes that are written filtered; absent: all.
+    written: Option<BTreeSet<String>>,
     notes: Vec<String>,
     warnings: Vec<String>,
 }
@@ -104,6 +110,15 @@ impl Adapter {
         let rule = SumRule::find(&mapping, canvas, first, options.beauty_only)?;
         notes.push(rule.describe());
         warnings.extend(rule.warning());
+        let written = back::chosen(&path, &mapping, options.passes.as_deref())?;
+        if let Some(chosen) = &written {
+            let names = chosen.iter().map(String::as_str).collect::<Vec<_>>().join(", ");
+            notes.push(format!("filtered and written: {names}"));
+            warnings.push(format!(
+                "only these passes are written filtered: {names}; the others stay as they came, so that the passes no \
+                 longer add up to the beauty"
+            ));
+        }
         let mut mapping = mapping;
         if let Some(kind) = guides::depth_kind(&mapping, canvas, first)?
             && kind != mapping.renderer.depth
@@ -114,7 +129,8 @@ impl Adapter {
         }
         let guides = guides::Encodings::find(&mapping, canvas, first)?;
         let cameras = guides::has_cameras(&mapping, canvas, first);
-        let mut adapter = Self { mapping, canvas, display, rule, vectors: None, guides, cameras, notes, warnings };
+        let mut adapter =
+            Self { mapping, canvas, display, rule, vectors: None, guides, cameras, written, notes, warnings };
         adapter.vectors = adapter.find_vectors(&path, first, second, &options.motion)?;
         if adapter.vectors.is_none() && !adapter.cameras {
             adapter.warnings.push(

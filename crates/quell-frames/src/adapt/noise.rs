@@ -4,9 +4,9 @@ use super::camera::PixelCamera;
 use quell::sequence::SequenceFrame;
 use quell::{Plane, Rgb, Size};
 
-/// Correlation from which noise counts as repeated. Independent noise of hall: 0.02 (frames README); one seed gives
-/// more than 0.5 even under a moving camera.
-pub(crate) const REPEATS: f64 = 0.3;
+/// Correlation from which noise counts as repeated. Independent noise: 0.02 with guides (hall), at most 0.1 without (a
+/// moving camera, Blender's factory settings). One seed: above 0.5 with guides, 0.28 to 0.31 without.
+pub(crate) const REPEATS: f64 = 0.2;
 
 /// Least deviation of the residuals (tone-mapped, 0..1) for which noise can be told at all.
 const NOISY: f64 = 0.004;

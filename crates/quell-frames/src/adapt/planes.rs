@@ -1,21 +1,27 @@
 //! Channels to planes on the sequence's canvas, and back.
 
 use crate::error::Error;
-use crate::image::{ExrImage, Samples, Window};
+use crate::image::{Channel, ExrImage, Samples, Window};
 use crate::roles::{ChannelId, Mapped};
 use half::slice::HalfFloatSliceExt;
 use quell::{Plane, Rgb};
+use std::path::Path;
 
 /// The samples of a channel and where they lie.
 pub(crate) fn samples(images: &[ExrImage], id: ChannelId) -> Result<(&Samples, Window), Error> {
+    let (channel, window) = channel(images, id)?;
+    let path = images.get(id.file).map_or(Path::new(""), ExrImage::path);
+    let unread = || Error::invalid(path, format!("channel `{}` was not read", channel.name()));
+    Ok((channel.samples().ok_or_else(unread)?, window))
+}
+
+/// A channel and where its samples lie.
+fn channel(images: &[ExrImage], id: ChannelId) -> Result<(&Channel, Window), Error> {
     let image = images.get(id.file);
     let part = image.and_then(|image| image.parts().get(id.part));
     let found = part.and_then(|part| Some((part.channels().get(id.channel)?, part.data_window())));
     match (found, image) {
-        (Some((channel, window)), Some(image)) => match channel.samples() {
-            Some(samples) => Ok((samples, window)),
-            None => Err(Error::invalid(image.path(), format!("channel `{}` was not read", channel.name()))),
-        },
+        (Some(found), Some(_)) => Ok(found),
         (None, Some(image)) => Err(Error::invalid(
             image.path(),
             format!("channel {} of part {} is missing; the first frame had it", id.channel, id.part),
@@ -129,9 +135,11 @@ pub(super) fn one<const N: usize>(
     plane: &mut Plane<[f32; N]>,
     component: usize,
 ) -> Result<usize, Error> {
-    let (old, window) = samples(images, id)?;
-    let kind = old.kind();
-    let mut values = old.to_f32();
+    let (channel, window) = channel(images, id)?;
+    let kind = channel.kind();
+    // What the canvas covers need not have been read.
+    let covered = canvas.union(window) == canvas;
+    let mut values = if covered { vec![0.0; window.size.pixels()] } else { samples(images, id)?.0.to_f32() };
     for (at, from, count) in rows(canvas, window) {
         let (Some(source), Some(into)) = (plane.data().get(at..at + count), values.get_mut(from..from + count)) else {
             continue;

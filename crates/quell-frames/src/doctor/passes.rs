@@ -264,7 +264,7 @@ fn slope(look: &Look) -> Option<(f64, usize)> {
     let mut light: Option<Plane<Rgb>> = None;
     let mut colour: Option<&Plane<Rgb>> = None;
     for one in matte {
-        colour = colour.or(one.weight.as_ref());
+        colour = colour.or(one.weight.as_deref());
         match &mut light {
             None => light = Some(one.light.clone()),
             Some(sum) => {

@@ -65,6 +65,11 @@ impl Busy {
         result
     }
 
+    /// Counts some time.
+    pub fn add(&mut self, time: Duration) {
+        self.0 += time;
+    }
+
     /// Seconds so far.
     pub fn seconds(&self) -> f64 {
         self.0.as_secs_f64()

@@ -1,19 +1,17 @@
 //! A job as a user gives it: which files, which frames, what becomes of them.
 
-use super::cuts::CutGuides;
-use super::output::{Destination, Existing, JOB_ATTRIBUTE, is_done, job_key};
-use super::pipeline::{self, Event, Files, Outcome, RunOptions, Window};
+use super::frames::{Denoisers, Disk};
+use super::memory::{Estimate, Memory};
+use super::output::{Destination, Existing, is_done, job_key};
+use super::pipeline::{self, Event, Outcome, RunOptions};
 use super::plan::{Plan, ranges};
-use crate::adapt::{AdaptOptions, Adapter, Links, reads};
+use crate::adapt::{AdaptOptions, Adapter, Footprint, reads};
 use crate::error::Error;
-use crate::image::{ExrImage, ImageWriteOptions, Window as ImageWindow, read_channels, read_headers};
+use crate::image::{ExrImage, Window as ImageWindow, read_channels, read_headers};
 use crate::roles::{MapOptions, map_roles};
 use crate::sequence::{FrameSources, Sequence, find_sequence};
-use quell::Plane;
-use quell::sequence::{Filtered, SEQUENCE_PARAMETERS, SequenceDenoiser, SequenceFrame, SequenceSettings};
-use std::collections::BTreeMap;
+use quell::sequence::{SEQUENCE_PARAMETERS, SequenceDenoiser, SequenceSettings};
 use std::path::{Path, PathBuf};
-use std::sync::Mutex;
 use std::sync::atomic::AtomicBool;
 
 /// What the user asked for.
@@ -37,21 +35,26 @@ pub struct JobOptions {
     pub adapt: AdaptOptions,
     /// Of the filter.
     pub settings: SequenceSettings,
+    /// Bytes of memory that the job must not exceed; absent: what the system has free.
+    pub max_memory: Option<u64>,
+    /// Bands of rows that the picture is filtered in; absent: as many as memory asks for.
+    pub bands: Option<usize>,
 }
 
 /// A job that is ready to run: files found, passes mapped, frames chosen.
 #[derive(Debug)]
 pub struct Job {
-    options: JobOptions,
+    pub(super) options: JobOptions,
     sequence: Sequence,
-    layout: Vec<Vec<String>>,
-    adapters: Vec<Adapter>,
-    mapping: String,
+    pub(super) layout: Vec<Vec<String>>,
+    pub(super) adapters: Vec<Adapter>,
+    pub(super) mapping: String,
     plan: Plan,
     done_before: Vec<i64>,
     notes: Vec<String>,
-    key: String,
+    pub(super) key: String,
     reach: usize,
+    footprints: Vec<Footprint>,
 }
 
 impl Job {
@@ -133,7 +136,72 @@ impl Job {
         if !plan.missing.is_empty() {
             notes.push(format!("there is no file of frames {}", ranges(&plan.missing)));
         }
-        Ok(Self { options, sequence, layout, adapters, mapping, plan, done_before, notes, key, reach })
+        let footprints = adapters.iter().map(|adapter| adapter.footprint(&images)).collect();
+        let job =
+            Self { options, sequence, layout, adapters, mapping, plan, done_before, notes, key, reach, footprints };
+        job.memory()?;
+        Ok(job)
+    }
+
+    /// How much memory it takes, and in how many bands.
+    ///
+    /// # Errors
+    /// [`Error::Memory`] where it does not fit in any number of bands.
+    pub fn memory(&self) -> Result<Memory, Error> {
+        let limit = self.limit();
+        let estimate = self.estimate();
+        // How far things move up and down is known only when they were read.
+        let margin = self.margin(0.0)?;
+        let bands = self.options.bands.map_or_else(|| estimate.bands(limit, margin), Ok)?;
+        Ok(Memory { whole: estimate.bytes(1, 0), bytes: estimate.bytes(bands, margin), bands, limit })
+    }
+
+    fn limit(&self) -> Option<(u64, bool)> {
+        self.options.max_memory.map(|limit| (limit, true)).or_else(|| Some((super::memory::system()?, false)))
+    }
+
+    fn estimate(&self) -> Estimate {
+        // The longest run of frames without a break.
+        let (mut longest, mut run) = (0, 0);
+        for step in &self.plan.steps {
+            run = if step.fresh { 1 } else { run + 1 };
+            longest = run.max(longest);
+        }
+        let settings = &self.options.settings;
+        Estimate {
+            footprints: self.footprints.clone(),
+            canvas: self.canvas(),
+            window: longest.min(2 * self.reach + 2),
+            steady: settings.stabilise.frames as usize,
+        }
+    }
+
+    /// The extent of every frame.
+    pub(super) fn canvas(&self) -> ImageWindow {
+        // A file has at least one layer.
+        self.adapters.first().map_or(ImageWindow::new(0, 0, quell::Size::new(0, 0)), Adapter::canvas)
+    }
+
+    /// Rows around a band that decide it, where things move up or down by at most `moved` rows a frame.
+    pub(super) fn margin(&self, moved: f32) -> Result<usize, Error> {
+        let denoiser = SequenceDenoiser::new(self.options.settings.clone());
+        let path = self.options.inputs.first().cloned().unwrap_or_default();
+        let denoiser = denoiser.map_err(|source| Error::Frame { path, source })?;
+        Ok(denoiser.margin(moved, self.canvas().size.height))
+    }
+
+    /// A plan for some of the frames.
+    pub(super) fn plan_of(&self, wanted: &[i64]) -> Plan {
+        let available: Vec<i64> = self.sequence.frames.iter().map(|frame| frame.number).collect();
+        Plan::new(&available, wanted, self.reach + 1, self.options.cuts.as_deref().unwrap_or_default())
+    }
+
+    pub(super) fn run_options(&self) -> RunOptions {
+        RunOptions {
+            reach: self.reach,
+            find_cuts: self.options.cuts.is_none(),
+            whole_windows: self.options.shot.is_some(),
+        }
     }
 
     /// What is read and written.
@@ -180,14 +248,16 @@ impl Job {
         let or_none = |numbers: &[i64]| if numbers.is_empty() { "none".to_owned() } else { ranges(numbers) };
         let text = format!(
             "would write   {} frames: {}\nwould read    {} more for their sake: {}\nthere already {}\nto            {}\nwindow        \
-             {} frames before and after\n",
+             {} frames before and after\nmemory        {}\ntime          unknown: nothing was measured before the first frame \
+             is written\n",
             writes.len(),
             or_none(&writes),
             reads.len(),
             or_none(&reads),
             or_none(&self.done_before),
             self.folder().display(),
-            self.reach
+            self.reach,
+            self.memory().map_or_else(|error| error.to_string(), |memory| memory.describe())
         );
         text + &self.mapping
     }
@@ -197,25 +267,30 @@ impl Job {
     /// # Errors
     /// As there.
     pub fn run(&self, stop: &AtomicBool, told: &(dyn Fn(Event) + Sync)) -> Result<Outcome, Error> {
+        if self.memory()?.bands > 1 {
+            let estimate = self.estimate();
+            let limit = self.limit();
+            let bands = |moved: f32| match self.options.bands {
+                Some(bands) => Ok(bands),
+                // It was said to take bands, and its frames lie in files already.
+                None => Ok(estimate.bands(limit, self.margin(moved)?)?.max(2)),
+            };
+            return super::bands::run(self, &bands, stop, told);
+        }
         let mut window = Denoisers::new(self)?;
-        let options = RunOptions {
-            reach: self.reach,
-            find_cuts: self.options.cuts.is_none(),
-            whole_windows: self.options.shot.is_some(),
-        };
-        let links = self.adapters.iter().map(|_| Links::default()).collect();
-        let disk = Disk { job: self, links: Mutex::new(links) };
+        let options = self.run_options();
+        let disk = Disk::new(self);
         pipeline::run(&self.plan, &disk, &mut window, options, stop, told)
     }
 
-    fn sources(&self, number: i64) -> Result<&FrameSources, Error> {
+    pub(super) fn sources(&self, number: i64) -> Result<&FrameSources, Error> {
         let missing = || Error::invalid(Path::new(&number.to_string()), "there is no such frame");
         self.sequence.frame(number).ok_or_else(missing)
     }
 }
 
 /// Every parameter by name.
-fn settings_text(settings: &SequenceSettings) -> String {
+pub(super) fn settings_text(settings: &SequenceSettings) -> String {
     let lines =
         SEQUENCE_PARAMETERS.iter().filter_map(|p| Some(format!("{} = {}\n", p.name, settings.get(p.name).ok()?)));
     lines.collect()
@@ -230,7 +305,7 @@ fn named<'i>(frame: &FrameSources, images: &'i [ExrImage]) -> Vec<(String, &'i E
 }
 
 /// The channels of each file, by part: frames of one layout have one mapping.
-fn layout(images: &[ExrImage]) -> Vec<Vec<String>> {
+pub(super) fn layout(images: &[ExrImage]) -> Vec<Vec<String>> {
     let of = |image: &ExrImage| -> Vec<String> {
         let parts = image.parts().iter().enumerate();
         parts.flat_map(|(i, part)| part.channels().iter().map(move |c| format!("{i} {}", c.name()))).collect()
@@ -238,7 +313,7 @@ fn layout(images: &[ExrImage]) -> Vec<Vec<String>> {
     images.iter().map(of).collect()
 }
 
-fn outputs(destination: &Destination, frame: &FrameSources) -> Result<Vec<PathBuf>, Error> {
+pub(super) fn outputs(destination: &Destination, frame: &FrameSources) -> Result<Vec<PathBuf>, Error> {
     frame.files.iter().map(|file| destination.path(frame.number, &file.path)).collect()
 }
 
@@ -283,207 +358,4 @@ fn canvas(sequence: &Sequence, first: &[ExrImage]) -> ImageWindow {
     // A frame of another display window is another shot, and fails for itself.
     let same = all.filter(|images| images.first().map(ExrImage::display_window) == display);
     same.filter_map(|images| windows(&images)).fold(own, ImageWindow::union)
-}
-
-/// Where frames come from and go to.
-struct Disk<'j> {
-    job: &'j Job,
-    /// Of each layer and view: what a frame needs to know of its predecessor.
-    links: Mutex<Vec<Links>>,
-}
-
-/// A frame as read.
-struct Loaded {
-    /// Its files; empty where it is not wanted.
-    images: Vec<ExrImage>,
-    /// What each layer and view became.
-    frames: Vec<SequenceFrame>,
-}
-
-/// A frame as filtered.
-struct Done {
-    images: Vec<ExrImage>,
-    /// Of each layer and view: what it was, without its light; and what the filter made of it.
-    filtered: Vec<(SequenceFrame, Filtered)>,
-}
-
-impl Files for Disk<'_> {
-    type Loaded = Loaded;
-    type Done = Done;
-
-    fn read(&self, number: i64, wanted: bool) -> Result<(Loaded, Vec<String>), Error> {
-        let job = self.job;
-        let sources = job.sources(number)?;
-        let path = || sources.files.first().map_or(Path::new(""), |file| file.path.as_path());
-        let files = sources.files.iter().enumerate();
-        let read = files.map(|(i, file)| {
-            let needed: Vec<_> = job.adapters.iter().map(|adapter| adapter.reads(i)).collect();
-            read_channels(&file.path, |part, channel| needed.iter().any(|needed| needed(part, channel)))
-        });
-        let mut images = read.collect::<Result<Vec<_>, _>>()?;
-        if layout(&images) != job.layout {
-            let reason = "its parts or channels are not those of the first frame; filter it as a job of its own";
-            return Err(Error::invalid(path(), reason));
-        }
-        let mut notes = Vec::new();
-        let mut frames = Vec::with_capacity(job.adapters.len());
-        let mut links = self.links.lock().map_err(|_| Error::invalid(path(), "reading failed before"))?;
-        for (adapter, links) in job.adapters.iter().zip(links.iter_mut()) {
-            if images.iter().any(|image| image.full_window().union(adapter.canvas()) != adapter.canvas()) {
-                let reason = format!("it has pixels outside of {}, which holds the other frames", adapter.canvas());
-                return Err(Error::invalid(path(), reason));
-            }
-            let adapted = adapter.frame(number, &images, links)?;
-            notes.extend(adapted.notes);
-            frames.push(adapted.frame);
-        }
-        if !wanted {
-            images.clear();
-        }
-        Ok((Loaded { images, frames }, notes))
-    }
-
-    fn write(&self, number: i64, done: Done) -> Result<Vec<String>, Error> {
-        let job = self.job;
-        let sources = job.sources(number)?;
-        let mut images = done.images;
-        let mut notes = Vec::new();
-        let mut repaired = 0;
-        for (adapter, (frame, filtered)) in job.adapters.iter().zip(done.filtered) {
-            let lights: Vec<_> =
-                filtered.lights.into_iter().filter_map(|light| light.planes.into_iter().next()).collect();
-            adapter.write_back(&mut images, &frame, &lights, filtered.alpha.as_ref())?;
-            repaired += filtered.repaired;
-        }
-        if repaired > 0 {
-            notes.push(format!(
-                "frame {number}: {repaired} pixels held colours that are no numbers, and count as black"
-            ));
-        }
-        if let Some(adapter) = job.adapters.first() {
-            adapter.sign(&mut images, &settings_text(&job.options.settings))?;
-        }
-        let options = ImageWriteOptions { overwrite: job.options.existing == Existing::Overwrite };
-        for (image, path) in images.iter_mut().zip(outputs(&job.options.destination, sources)?) {
-            image.set_text("quell.mapping", &job.mapping)?;
-            image.set_text(JOB_ATTRIBUTE, &job.key)?;
-            notes.extend(image.write(&path, &options)?.notes);
-        }
-        Ok(notes)
-    }
-}
-
-/// What writing back needs of a frame: lights without their light. The filter has the rest.
-fn without_light(frame: &SequenceFrame) -> SequenceFrame {
-    let mut kept = SequenceFrame::new(frame.number, frame.size);
-    kept.lights = (frame.lights.iter())
-        .map(|light| quell::sequence::Light {
-            name: light.name.clone(),
-            kind: light.kind,
-            light: Plane::filled(quell::Size::new(1, 1), [0.0; 3]),
-            weight: light.weight.clone(),
-            in_beauty: light.in_beauty,
-            joint: Vec::new(),
-        })
-        .collect();
-    kept
-}
-
-/// A filter for each layer and view, which go through the frames side by side.
-struct Denoisers {
-    each: Vec<SequenceDenoiser>,
-    path: PathBuf,
-    before: Vec<CutGuides>,
-    /// Wanted frames that are inside.
-    inside: BTreeMap<i64, Inside>,
-}
-
-struct Inside {
-    images: Vec<ExrImage>,
-    kept: Vec<SequenceFrame>,
-    filtered: Vec<Option<Filtered>>,
-}
-
-impl Denoisers {
-    fn new(job: &Job) -> Result<Self, Error> {
-        let path = job.options.inputs.first().cloned().unwrap_or_default();
-        let new = |_| SequenceDenoiser::new(job.options.settings.clone());
-        let each = job.adapters.iter().map(new).collect::<Result<Vec<_>, _>>();
-        let each = each.map_err(|source| Error::Frame { path: path.clone(), source })?;
-        Ok(Self { each, path, before: Vec::new(), inside: BTreeMap::new() })
-    }
-
-    fn failed(&self, source: quell::Error) -> Error {
-        Error::Frame { path: self.path.clone(), source }
-    }
-
-    fn take(&mut self, which: usize, out: Vec<Filtered>) {
-        for filtered in out {
-            if let Some(inside) = self.inside.get_mut(&filtered.number)
-                && let Some(place) = inside.filtered.get_mut(which)
-            {
-                *place = Some(filtered);
-            }
-        }
-    }
-
-    /// Frames of which every layer and view is there.
-    fn complete(&mut self) -> Vec<(i64, Done)> {
-        let ready: Vec<i64> = (self.inside.iter())
-            .filter(|(_, inside)| inside.filtered.iter().all(Option::is_some))
-            .map(|(number, _)| *number)
-            .collect();
-        let done = ready.into_iter().filter_map(|number| {
-            let inside = self.inside.remove(&number)?;
-            let filtered = inside.kept.into_iter().zip(inside.filtered.into_iter().flatten()).collect();
-            Some((number, Done { images: inside.images, filtered }))
-        });
-        done.collect()
-    }
-}
-
-impl Window for Denoisers {
-    type Loaded = Loaded;
-    type Done = Done;
-
-    fn push(&mut self, number: i64, loaded: Loaded, wanted: bool) -> Result<Vec<(i64, Done)>, Error> {
-        self.before = loaded.frames.iter().map(CutGuides::of).collect();
-        if wanted {
-            let filtered = loaded.frames.iter().map(|_| None).collect();
-            let kept = loaded.frames.iter().map(without_light).collect();
-            self.inside.insert(number, Inside { images: loaded.images, kept, filtered });
-        }
-        for (which, frame) in loaded.frames.into_iter().enumerate() {
-            let Some(denoiser) = self.each.get_mut(which) else { continue };
-            match denoiser.push(frame, wanted) {
-                Ok(out) => self.take(which, out),
-                Err(source) => {
-                    self.inside.remove(&number);
-                    return Err(self.failed(source));
-                }
-            }
-        }
-        Ok(self.complete())
-    }
-
-    fn finish(&mut self) -> Result<Vec<(i64, Done)>, Error> {
-        self.before.clear();
-        for which in 0..self.each.len() {
-            let Some(denoiser) = self.each.get_mut(which) else { continue };
-            match denoiser.finish() {
-                Ok(out) => self.take(which, out),
-                Err(source) => {
-                    self.inside.clear();
-                    return Err(self.failed(source));
-                }
-            }
-        }
-        let done = self.complete();
-        self.inside.clear();
-        Ok(done)
-    }
-
-    fn is_cut(&self, loaded: &Loaded) -> bool {
-        self.before.iter().zip(&loaded.frames).any(|(before, frame)| before.cut_before(frame))
-    }
 }

@@ -5,6 +5,9 @@
 //! pipeline.rs  reading, filtering and writing at the same time; what becomes of each frame
 //! cuts.rs      shots told apart by their guides
 //! job.rs       what the user asked for, made ready and run
+//! frames.rs    a frame on its way through the three steps
+//! memory.rs    how much memory a job takes, and in how many bands of rows it fits
+//! bands.rs     a job in bands, with what waits in files
 //! output.rs    where frames go, what may stand there, which need not be made again
 //! clock.rs     processor seconds of each of the three
 //! ```
@@ -12,9 +15,12 @@
 //! A frame depends on the frames within [`Window`]'s reach and on nothing else. So any split of a job among machines gives
 //! the same bits, and neighbours of what is written are read as needed.
 
+mod bands;
 pub mod clock;
 pub mod cuts;
+mod frames;
 pub mod job;
+mod memory;
 pub mod output;
 pub mod pipeline;
 pub mod plan;
@@ -22,6 +28,7 @@ pub mod plan;
 pub use clock::{StageTime, Times};
 pub use cuts::CutGuides;
 pub use job::{Job, JobOptions};
+pub use memory::{Memory, in_words};
 pub use output::{Destination, Existing, JOB_ATTRIBUTE, is_done, job_key};
 pub use pipeline::{Event, Fate, Files, Outcome, RunOptions, Window, run};
 pub use plan::{Plan, Step, ranges};

@@ -6,10 +6,10 @@ use crate::Error;
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
-/// Frames that are read before the filter asks for them, and frames that wait to be written.
-const QUEUE: usize = 1;
+/// Frames that wait between two steps, besides the one that each step holds: none, frames are large.
+const QUEUE: usize = 0;
 
 /// How frames come and go. Called from two threads at once.
 pub trait Files: Sync {
@@ -38,17 +38,24 @@ pub trait Window {
     /// A frame as filtered.
     type Done;
 
-    /// Takes the next frame; frames whose window is complete come out, in order.
+    /// Takes the next frame; frames whose window is complete are given to `out`, in order, each as soon as it is there.
+    /// Where `out` returns false nobody wants more.
     ///
     /// # Errors
     /// This frame cannot be taken.
-    fn push(&mut self, number: i64, loaded: Self::Loaded, wanted: bool) -> Result<Vec<(i64, Self::Done)>, Error>;
+    fn push(
+        &mut self,
+        number: i64,
+        loaded: Self::Loaded,
+        wanted: bool,
+        out: &mut dyn FnMut(i64, Self::Done) -> bool,
+    ) -> Result<(), Error>;
 
     /// Whatever is still inside comes out; what comes next is another shot.
     ///
     /// # Errors
     /// The frames inside cannot be filtered.
-    fn finish(&mut self) -> Result<Vec<(i64, Self::Done)>, Error>;
+    fn finish(&mut self, out: &mut dyn FnMut(i64, Self::Done) -> bool) -> Result<(), Error>;
 
     /// True where a frame shows something else than the one before, by its content: then [`Self::finish`] is called
     /// between them.
@@ -79,6 +86,8 @@ pub enum Event {
     Failed(i64, String),
     /// Something that the user should know.
     Note(String),
+    /// A band of rows begins, counted from 0, of so many.
+    Band(usize, usize),
 }
 
 /// How a run went.
@@ -139,6 +148,7 @@ where
     let mut middle = Middle {
         fates: plan.steps.iter().filter(|s| s.wanted).map(|s| (s.number, Fate::Skipped)).collect(),
         spoiled: BTreeMap::new(),
+        inside: BTreeSet::new(),
         cuts: Vec::new(),
         busy: Busy::default(),
         options,
@@ -249,6 +259,8 @@ struct Middle<'t> {
     fates: BTreeMap<i64, Fate>,
     /// Frames that would have seen one that cannot be read, with the reason.
     spoiled: BTreeMap<i64, String>,
+    /// Wanted frames that are inside the filter.
+    inside: BTreeSet<i64>,
     cuts: Vec<i64>,
     busy: Busy,
     options: RunOptions,
@@ -263,8 +275,7 @@ impl Middle<'_> {
         to: &SyncSender<(i64, D)>,
         stopped: &(dyn Fn() -> bool + Sync),
     ) {
-        // Wanted frames that are inside the filter.
-        let mut inside = BTreeSet::new();
+        let to = |number, done| !stopped() && to.send((number, done)).is_ok();
         while let Ok((step, loaded)) = from.recv() {
             if stopped() {
                 return;
@@ -273,7 +284,7 @@ impl Middle<'_> {
                 Ok(loaded) => loaded,
                 Err(error) => {
                     self.unreadable(step, &error.to_string());
-                    let _ = self.finish(window, &mut inside, to);
+                    self.finish(window, &to);
                     continue;
                 }
             };
@@ -282,28 +293,47 @@ impl Middle<'_> {
                 self.cuts.push(step.number);
                 (self.told)(Event::Cut(step.number));
             }
-            if (step.fresh || cut) && self.finish(window, &mut inside, to).is_err() {
-                return;
+            if step.fresh || cut {
+                self.finish(window, &to);
             }
             if step.wanted {
-                inside.insert(step.number);
+                self.inside.insert(step.number);
             }
-            match self.busy.during(|| window.push(step.number, loaded, step.wanted)) {
-                Ok(out) => {
-                    if self.send(out, &mut inside, to).is_err() {
-                        return;
-                    }
-                }
-                Err(error) => {
-                    inside.remove(&step.number);
-                    self.unreadable(step, &error.to_string());
-                    let _ = self.finish(window, &mut inside, to);
-                }
+            if let Err(error) = self.during(&to, |out| window.push(step.number, loaded, step.wanted, out)) {
+                self.inside.remove(&step.number);
+                self.unreadable(step, &error.to_string());
+                self.finish(window, &to);
             }
         }
         if !stopped() {
-            let _ = self.finish(window, &mut inside, to);
+            self.finish(window, &to);
         }
+    }
+
+    /// Runs a part of the filter; what comes out of it is sent on.
+    fn during<D>(
+        &mut self,
+        to: &dyn Fn(i64, D) -> bool,
+        work: impl FnOnce(&mut dyn FnMut(i64, D) -> bool) -> Result<(), Error>,
+    ) -> Result<(), Error> {
+        let Self { fates, spoiled, inside, told, busy, .. } = self;
+        let mut waited = Duration::ZERO;
+        let mut out = |number: i64, done: D| {
+            inside.remove(&number);
+            if let Some(reason) = spoiled.remove(&number) {
+                told(Event::Failed(number, reason.clone()));
+                fates.insert(number, Fate::Failed(reason));
+                return true;
+            }
+            let begin = Instant::now();
+            let taken = to(number, done);
+            waited += begin.elapsed();
+            taken
+        };
+        let begin = Instant::now();
+        let result = work(&mut out);
+        busy.add(begin.elapsed().saturating_sub(waited));
+        result
     }
 
     /// A frame that cannot be had.
@@ -328,43 +358,15 @@ impl Middle<'_> {
         self.fates.insert(number, Fate::Failed(reason));
     }
 
-    fn finish<L, D, W: Window<Loaded = L, Done = D>>(
-        &mut self,
-        window: &mut W,
-        inside: &mut BTreeSet<i64>,
-        to: &SyncSender<(i64, D)>,
-    ) -> Result<(), Gone> {
-        match self.busy.during(|| window.finish()) {
-            Ok(out) => self.send(out, inside, to)?,
-            Err(error) => {
-                for number in std::mem::take(inside) {
-                    self.fail(number, error.to_string());
-                }
+    fn finish<L, D, W: Window<Loaded = L, Done = D>>(&mut self, window: &mut W, to: &dyn Fn(i64, D) -> bool) {
+        if let Err(error) = self.during(to, |out| window.finish(out)) {
+            for number in std::mem::take(&mut self.inside) {
+                self.fail(number, error.to_string());
             }
         }
-        inside.clear();
-        Ok(())
-    }
-
-    fn send<D>(
-        &mut self,
-        out: Vec<(i64, D)>,
-        inside: &mut BTreeSet<i64>,
-        to: &SyncSender<(i64, D)>,
-    ) -> Result<(), Gone> {
-        for (number, done) in out {
-            inside.remove(&number);
-            match self.spoiled.remove(&number) {
-                Some(reason) => self.fail(number, reason),
-                None => to.send((number, done)).map_err(|_| Gone)?,
-            }
-        }
-        Ok(())
+        self.inside.clear();
     }
 }
-
-/// Nobody writes any more.
-struct Gone;
 
 #[cfg(test)]
 mod tests;

@@ -197,6 +197,10 @@ impl Channel {
         self.samples.as_ref()
     }
 
+    fn without_samples(&self) -> Self {
+        Self { name: self.name.clone(), kind: self.kind, samples: None, replaced: false }
+    }
+
     pub(crate) fn into_samples(self) -> Option<(String, Samples)> {
         Some((self.name, self.samples?))
     }

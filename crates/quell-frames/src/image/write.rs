@@ -2,7 +2,7 @@
 
 use super::order::sort_attributes;
 use super::read::{BlockPlace, Source};
-use super::{ExrImage, Part, compression_name};
+use super::{Channel, ExrImage, Part, compression_name};
 use crate::error::Error;
 use crate::files::write_whole;
 use exr::block::writer::ChunksWriter;
@@ -12,6 +12,7 @@ use exr::meta::header::Header;
 use exr::meta::{BlockDescription, compute_chunk_count};
 use exr::prelude::{Compression, LineOrder};
 use rayon::prelude::*;
+use std::collections::HashSet;
 use std::fs::File;
 use std::io::{BufReader, BufWriter, Write};
 use std::path::Path;
@@ -114,17 +115,22 @@ impl ExrImage {
     ) -> Result<(), Failure> {
         // Channels that were not read before are read for this part only, and given back after it.
         let mut loaded = Vec::new();
-        let mut part = part;
-        if part.channels.iter().any(|channel| channel.samples.is_none())
+        let missing: HashSet<&str> =
+            part.channels.iter().filter(|c| c.samples.is_none()).map(|c| c.name.as_str()).collect();
+        if !missing.is_empty()
             && let Some(source) = source
         {
             loaded.extend(self.parts.iter().enumerate().map(|(i, p)| {
-                let channels = if i == index { p.channels.clone() } else { Vec::new() };
+                let channels =
+                    if i == index { p.channels.iter().map(Channel::without_samples).collect() } else { Vec::new() };
                 Part { index: i, header: p.header.clone(), channels }
             }));
-            source.fill(&mut loaded, &|_, channel| channel.samples.is_none()).map_err(Failure::Ours)?;
-            part = loaded.get(index).unwrap_or(part);
+            source.fill(&mut loaded, &|_, channel| missing.contains(channel.name())).map_err(Failure::Ours)?;
         }
+        let loaded = loaded.get(index).map(|part| part.channels.as_slice()).unwrap_or_default();
+        let samples: Vec<_> = (part.channels.iter().enumerate())
+            .filter_map(|(i, channel)| channel.samples.as_ref().or_else(|| loaded.get(i)?.samples.as_ref()))
+            .collect();
         let width = part.header.layer_size.width();
         let blocks: Vec<(usize, BlockIndex)> = ordered_blocks(index, &plan.header);
         for some in blocks.chunks(BLOCKS_AT_ONCE) {
@@ -132,7 +138,7 @@ impl ExrImage {
                 let (size, at) = (index.pixel_size, index.pixel_position);
                 let mut data = Vec::with_capacity(size.area() * part.header.channels.bytes_per_pixel);
                 for row in 0..size.height() {
-                    for samples in part.channels.iter().filter_map(|channel| channel.samples.as_ref()) {
+                    for samples in &samples {
                         samples.append_row((at.y() + row) * width + at.x(), size.width(), &mut data);
                     }
                 }

@@ -131,7 +131,9 @@ pub fn map_roles(files: &[(String, &ExrImage)], options: &MapOptions) -> Result<
             texts.push(name);
         }
     }
-    let paths: Vec<Vec<String>> = passes.iter().map(|p| p.path.clone()).collect();
+    // Of files per pass the file's name tells.
+    let name = |p: &Pass| if p.path.is_empty() { p.outer.clone() } else { p.path.clone() };
+    let paths: Vec<Vec<String>> = passes.iter().map(name).collect();
     let (renderer, renderer_why) = aliases.detect(&texts, &paths);
     let renderer = aliases.renderer(renderer).cloned();
     let Some(renderer) = renderer else { return Err(Error::invalid(&path, "the alias table has no renderer `any`")) };

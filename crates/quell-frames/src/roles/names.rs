@@ -78,6 +78,12 @@ fn take_component(words: &mut Vec<String>, names: &BTreeSet<&str>) -> String {
         words.clear();
         return last;
     }
+    // A file of its own for a vector: beside `X` and `Y` a `Z` is no depth.
+    let has = |letter: &str| names.iter().any(|name| name.eq_ignore_ascii_case(letter));
+    if ["x", "y", "z", "w"].contains(&last.as_str()) && has("x") && has("y") && !has("r") {
+        words.clear();
+        return last;
+    }
     // `Px Py Pz`, `Nsx ..` of older pbrt: three names that differ in the last letter.
     let name = words.first().cloned().unwrap_or_default();
     if let Some(stem) = name.strip_suffix(['x', 'y', 'z']).filter(|stem| !stem.is_empty())

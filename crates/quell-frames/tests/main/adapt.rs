@@ -55,13 +55,13 @@ fn filtered(frame: &SequenceFrame) -> Vec<Plane<Rgb>> {
 }
 
 /// Largest difference of beauty and sum of passes in a file, in units of half rounding of the beauty.
-fn off(adapter: &Adapter, images: &[ExrImage]) -> f32 {
+pub fn off(adapter: &Adapter, images: &[ExrImage]) -> f32 {
     let sum = adapter.sum_of_passes(images).unwrap();
     let beauty = &adapter.mapping().get(Role::Beauty).unwrap().channels;
     let mut worst = 0.0f32;
     for (c, id) in beauty.iter().enumerate() {
-        let window = images[0].parts()[id.part].data_window();
-        let samples = images[0].samples(id.part, id.channel).unwrap();
+        let window = images[id.file].parts()[id.part].data_window();
+        let samples = images[id.file].samples(id.part, id.channel).unwrap();
         let canvas = adapter.canvas();
         for y in 0..window.size.height {
             for x in 0..window.size.width {

@@ -13,7 +13,10 @@ const FRAMES: i64 = 9;
 
 /// A wall that is seen to move, and noise on it.
 fn make(folder: &Path, number: i64) {
-    let size = Size::new(40, 24);
+    make_of(folder, number, Size::new(40, 24));
+}
+
+fn make_of(folder: &Path, number: i64, size: Size) {
     let camera = Camera::perspective([0.0; 3], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0], 0.8, 40.0 / 24.0);
     let mut frame = FrameBuf::new(size, camera);
     frame.index = number;
@@ -27,7 +30,7 @@ fn make(folder: &Path, number: i64) {
     frame.matte_weight = Some(Plane::from_fn(size, |x, _| if stripe(x) { [0.8, 0.5, 0.2] } else { [0.1, 0.3, 0.6] }));
     frame.view_depth = Some(Plane::from_fn(size, |x, y| 3.0 + 0.01 * (x + y) as f32));
     frame.normal = Some(Plane::filled(size, [0.0, 0.0, 1.0]));
-    frame.motion = Some(Plane::filled(size, [2.0, 0.0]));
+    frame.motion = Some(Plane::filled(size, [2.0, if size.height > 100 { 0.75 } else { 0.0 }]));
     let path = frame_path(folder, "shot", number);
     write_frame(&path, &FrameToWrite::new(frame.frame(&[])), &WriteOptions::default()).unwrap();
 }
@@ -66,6 +69,8 @@ impl Case {
             map: MapOptions::default(),
             adapt: AdaptOptions::default(),
             settings,
+            max_memory: None,
+            bands: None,
         }
     }
 
@@ -216,6 +221,30 @@ fn asked_to_stop_it_leaves_whole_files_and_resumes() {
 }
 
 #[test]
+#[cfg(unix)]
+fn a_folder_that_cannot_be_written_ends_the_run() {
+    use std::os::unix::fs::PermissionsExt;
+    let case = Case::new("read-only");
+    let folder = case.folder.file("locked");
+    fs::create_dir(&folder).unwrap();
+    fs::set_permissions(&folder, fs::Permissions::from_mode(0o555)).unwrap();
+    if fs::write(folder.join("probe"), "").is_ok() {
+        println!("skipped: this user may write everywhere");
+        return;
+    }
+    for bands in [None, Some(2)] {
+        let options = JobOptions { bands, ..case.options("locked") };
+        let result = Job::open(options).unwrap().run(&AtomicBool::new(false), &|_| {});
+        let why = match result {
+            Ok(outcome) => outcome.ended.unwrap(),
+            Err(error) => error.to_string(),
+        };
+        assert!(why.contains("locked") && why.contains("choose a folder"), "{why}");
+    }
+    fs::set_permissions(&folder, fs::Permissions::from_mode(0o755)).unwrap();
+}
+
+#[test]
 fn nothing_to_read_is_an_error_that_names_it() {
     let case = Case::new("nothing");
     let missing = JobOptions { inputs: vec![case.folder.file("elsewhere")], ..case.options("out") };
@@ -227,4 +256,99 @@ fn nothing_to_read_is_an_error_that_names_it() {
     let outcome = case.run(case.options("blocked/out"));
     assert_eq!(outcome.written(), 0);
     assert!(outcome.ended.as_ref().is_some_and(|why| why.contains("blocked")), "{outcome:?}");
+}
+
+/// Frames that are high enough for bands, and a filter whose margins are narrow.
+struct Tall(Case);
+
+impl Tall {
+    fn new(name: &str) -> Self {
+        let case = Case { folder: Folder::new(&format!("driver-{name}")), events: Mutex::default() };
+        (1..=FRAMES).for_each(|number| make_of(&case.folder.file("in"), number, Size::new(24, 160)));
+        Self(case)
+    }
+
+    fn options(&self, to: &str, bands: Option<usize>) -> JobOptions {
+        let mut options = self.0.options(to);
+        options.settings.wavelet.levels = 2;
+        options.settings.wavelet.transmission_levels = 2;
+        JobOptions { bands, ..options }
+    }
+
+    /// What lies in a folder, hidden files too.
+    fn files(&self, to: &str) -> Vec<String> {
+        fs::read_dir(self.0.folder.file(to)).map_or_else(
+            |_| Vec::new(),
+            |entries| entries.map(|e| e.unwrap().file_name().to_string_lossy().into_owned()).collect(),
+        )
+    }
+}
+
+#[test]
+fn bands_give_the_same_files_and_leave_nothing_behind() {
+    let case = Tall::new("bands");
+    let whole = case.0.run(case.options("whole", None));
+    assert_eq!(whole.written(), FRAMES as usize);
+    for bands in [2, 3, 9] {
+        let to = format!("bands{bands}");
+        let outcome = case.0.run(case.options(&to, Some(bands)));
+        assert_eq!((outcome.written(), outcome.ended), (FRAMES as usize, None));
+        for number in 1..=FRAMES {
+            let (a, b) = (case.0.output("whole", number), case.0.output(&to, number));
+            assert!(fs::read(a).unwrap() == fs::read(b).unwrap(), "frame {number} in {bands} bands");
+        }
+        assert_eq!(case.files(&to).len(), FRAMES as usize, "{:?}", case.files(&to));
+    }
+    let events = case.0.events.lock().unwrap();
+    assert!(events.contains(&Event::Band(8, 9)), "{events:?}");
+    // Every frame is written once, and told once.
+    assert_eq!(events.iter().filter(|e| **e == Event::Written(4)).count(), 4);
+}
+
+#[test]
+fn in_bands_bad_frames_cuts_and_ctrl_c_are_as_without() {
+    let case = Tall::new("bands-bad");
+    let whole = fs::read(case.0.input(5)).unwrap();
+    fs::write(case.0.input(5), &whole[..whole.len() * 2 / 3]).unwrap();
+    for (to, bands) in [("a", None), ("b", Some(3))] {
+        let options = JobOptions { cuts: Some(vec![3]), ..case.options(to, bands) };
+        let outcome = case.0.run(options);
+        let failed: Vec<_> = outcome.frames.iter().filter(|(_, fate)| *fate != Fate::Written).collect();
+        assert!(matches!(failed[..], [(5, Fate::Failed(why))] if why.contains("shot.0005.exr")), "{failed:?}");
+    }
+    for number in case.0.written("a") {
+        let (a, b) = (case.0.output("a", number), case.0.output("b", number));
+        assert!(fs::read(a).unwrap() == fs::read(b).unwrap(), "frame {number}");
+    }
+    // Stopped while bands wait: no frame is there, and no folder of files that waited.
+    let outcome = case.0.run_until(case.options("c", Some(4)), &|event| *event == Event::Band(2, 4));
+    assert_eq!((outcome.ended.as_deref(), outcome.written()), (Some(""), 0));
+    assert_eq!(case.files("c"), [""; 0]);
+    // And while frames are written: whole ones stay.
+    let in_two = JobOptions { cuts: Some(vec![3]), ..case.options("d", Some(2)) };
+    let outcome = case.0.run_until(in_two.clone(), &|event| *event == Event::Written(2));
+    assert_eq!(outcome.ended.as_deref(), Some(""));
+    assert_eq!(case.files("d").len(), outcome.written());
+    case.0.run(JobOptions { existing: Existing::Resume, ..in_two });
+    let (a, d) = (case.0.output("a", 9), case.0.output("d", 9));
+    assert!(fs::read(a).unwrap() == fs::read(d).unwrap());
+}
+
+#[test]
+fn memory_is_estimated_and_a_limit_that_cannot_be_kept_says_what_it_takes() {
+    let case = Tall::new("memory");
+    let job = Job::open(JobOptions { max_memory: Some(4 << 30), ..case.options("out", None) }).unwrap();
+    let memory = job.memory().unwrap();
+    assert_eq!((memory.bands, memory.limit), (1, Some((4 << 30, true))));
+    assert_eq!(memory.bytes, memory.whole);
+    assert!(job.describe().contains("the whole picture at once; the limit is 4.0 GiB"), "{}", job.describe());
+    // Most of what so small a job takes does not depend on it.
+    let tight = memory.whole - (memory.whole - (96 << 20)) / 3;
+    let job = Job::open(JobOptions { max_memory: Some(tight), ..case.options("out", None) }).unwrap();
+    let memory = job.memory().unwrap();
+    assert!(memory.bands > 1 && memory.bytes <= tight, "{memory:?}");
+    assert!(job.describe().contains("bands of rows"), "{}", job.describe());
+    let error = Job::open(JobOptions { max_memory: Some(1 << 20), ..case.options("out", None) }).unwrap_err();
+    assert!(matches!(error, Error::Memory { limit: 0x0010_0000, .. }), "{error}");
+    assert!(error.to_string().contains("--max-memory"), "{error}");
 }

@@ -20,9 +20,9 @@ fn noise(x: usize, y: usize, seed: usize) -> f32 {
     (h >> 40) as f32 / (1u64 << 24) as f32
 }
 
-type Value<'f> = &'f dyn Fn(usize, usize) -> f32;
+pub type Value<'f> = &'f dyn Fn(usize, usize) -> f32;
 
-fn write(folder: &Folder, name: &str, size: (usize, usize), channels: &[(&str, Value<'_>)]) -> PathBuf {
+pub fn write(folder: &Folder, name: &str, size: (usize, usize), channels: &[(&str, Value<'_>)]) -> PathBuf {
     let channels: Vec<AnyChannel<FlatSamples>> = channels
         .iter()
         .map(|(name, value)| {
@@ -138,6 +138,8 @@ fn without_guides(name: &str, denoised: bool) -> ([f64; 2], Vec<String>) {
         map: MapOptions::default(),
         adapt: AdaptOptions::default(),
         settings: quell::sequence::SequenceSettings::default(),
+        max_memory: None,
+        bands: None,
     });
     assert_eq!(job.unwrap().run(&AtomicBool::new(false), &|_| {}).unwrap().written(), 1);
     let raw = if denoised { "V.Noisy Image.R" } else { "V.Combined.R" };

@@ -5,6 +5,7 @@ mod aov;
 mod doctor;
 mod driver;
 mod frames;
+mod layouts;
 mod made;
 mod replay;
 mod rewrite;

@@ -3,7 +3,7 @@
 use super::energy::{self, Class};
 use super::follow::{Tap, taps};
 use super::frame::LightKind;
-use super::member::Member;
+use super::member::{Member, Slot, Stored};
 use super::rows::Rows;
 use super::settings::Gather;
 use crate::frame::Rgb;
@@ -16,6 +16,8 @@ pub(super) fn luminance(c: Rgb) -> f32 {
 
 /// What is known of every light before any filter over the image.
 pub(super) struct Accumulated {
+    /// The lights that are not black all over the window, with their places in the images below.
+    pub slots: Vec<Slot>,
     /// Three channels a colour plane: the means.
     pub colours: Rows,
     /// Two channels a light: variance of one sample's luminance, and the samples that the mean is worth.
@@ -38,8 +40,10 @@ fn decay(gather: &Gather, kind: LightKind) -> f32 {
 /// one sample is the weighted spread times n / (n - 1).
 pub(super) fn accumulate(window: &[&Member], centre: usize, gather: &Gather) -> Accumulated {
     let here = window[centre];
-    let (w, planes) = (here.size.width, here.planes);
-    let powers: Vec<Vec<f32>> = (here.slots.iter())
+    let slots = lit(window, centre);
+    let w = here.size.width;
+    let planes = slots.iter().map(|s| s.planes).sum::<usize>();
+    let powers: Vec<Vec<f32>> = (slots.iter())
         .map(|s| {
             (0..=gather.frames)
                 .scan(1.0, |p, _| {
@@ -50,14 +54,25 @@ pub(super) fn accumulate(window: &[&Member], centre: usize, gather: &Gather) -> 
                 .collect()
         })
         .collect();
-    let looks_through = here.guides.seen.is_some() && here.slots.iter().any(|s| Class::of(s.kind) == Class::Seen);
+    // Of each light, where each frame of the window has it.
+    let places: Vec<Vec<Place>> = (slots.iter())
+        .map(|slot| {
+            let place = |m: &&Member| match m.stored[slot.light] {
+                Stored::Packed(first) => Place::At(first),
+                Stored::Black => Place::Black,
+                Stored::Own(_) | Stored::Gone => Place::Unknown,
+            };
+            window.iter().map(place).collect()
+        })
+        .collect();
+    let looks_through = here.guides.seen.is_some() && slots.iter().any(|s| Class::of(s.kind) == Class::Seen);
     let mut colours = Rows::new(here.size, 3 * planes);
-    let mut moments = Rows::new(here.size, 2 * here.slots.len());
+    let mut moments = Rows::new(here.size, 2 * slots.len());
     par::two_rows(
         colours.data_mut(),
         3 * planes * w,
         moments.data_mut(),
-        2 * here.slots.len() * w,
+        2 * slots.len() * w,
         |y, colours, moments| {
             // Along the surface's way, and along that of what a mirror shows.
             let (mut met, mut met_reflected): (Vec<Tap>, Vec<Tap>) = (Vec::new(), Vec::new());
@@ -77,7 +92,16 @@ pub(super) fn accumulate(window: &[&Member], centre: usize, gather: &Gather) -> 
                     seen_reflected.clear();
                     seen_reflected.extend(met_reflected.iter().map(likeness));
                 }
-                for (l, slot) in here.slots.iter().enumerate() {
+                for (l, slot) in slots.iter().enumerate() {
+                    if let Stored::Own(own) = &here.stored[slot.light] {
+                        for (k, plane) in own.iter().enumerate() {
+                            for (c, value) in plane.data()[p].into_iter().enumerate() {
+                                colours[(3 * (slot.first + k) + c) * w + x] = value;
+                            }
+                        }
+                        moments[(2 * l + 1) * w + x] = 1.0;
+                        continue;
+                    }
                     let (met, seen) = match Class::of(slot.kind) {
                         Class::Seen if here.reflects(p, slot.kind) => (&met_reflected, &seen_reflected[..]),
                         Class::Seen => (&met, &seen[..]),
@@ -87,22 +111,35 @@ pub(super) fn accumulate(window: &[&Member], centre: usize, gather: &Gather) -> 
                     sums.fill([0.0; 3]);
                     let (mut total, mut squares, mut second) = (0.0f32, 0.0f32, 0.0f32);
                     // Moments about the first sample: differences of large numbers lose less.
-                    let start = y * w * planes + x * planes + slot.first;
-                    let pivot = luminance(here.samples[start]);
+                    let pivot = match places[l][centre] {
+                        Place::At(first) => luminance(here.samples.at(first, y * w + x)),
+                        _ => 0.0,
+                    };
                     for (k, tap) in met.iter().enumerate() {
                         let seen = seen.get(k).copied().unwrap_or(1.0);
                         let weight = tap.weight * powers[l][tap.distance as usize] * seen;
                         if weight == 0.0 {
                             continue;
                         }
-                        let start = tap.pixel as usize * planes + slot.first;
-                        let samples = &window[tap.frame as usize].samples[start..start + slot.planes];
-                        for (sum, sample) in sums.iter_mut().zip(samples) {
+                        let (frame, pixel) = (tap.frame as usize, tap.pixel as usize);
+                        let mut off = -pivot;
+                        if places[l][frame] == Place::Unknown {
+                            continue;
+                        }
+                        if let Place::At(first) = places[l][frame] {
+                            let samples = &window[frame].samples;
+                            let sample = samples.at(first, pixel);
+                            off = luminance(sample) - pivot;
                             for c in 0..3 {
-                                sum[c] += weight * sample[c];
+                                sums[0][c] += weight * sample[c];
+                            }
+                            for (k, sum) in sums.iter_mut().enumerate().skip(1) {
+                                let sample = samples.at(first + k, pixel);
+                                for c in 0..3 {
+                                    sum[c] += weight * sample[c];
+                                }
                             }
                         }
-                        let off = luminance(samples[0]) - pivot;
                         second += weight * off * off;
                         total += weight;
                         squares += weight * weight;
@@ -121,16 +158,48 @@ pub(super) fn accumulate(window: &[&Member], centre: usize, gather: &Gather) -> 
             }
         },
     );
-    Accumulated { colours, moments }
+    Accumulated { slots, colours, moments }
+}
+
+/// Where a frame of the window has a light.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Place {
+    /// It is black there.
+    Black,
+    /// Among its samples, from this plane on.
+    At(usize),
+    /// It was clean there and is not kept.
+    Unknown,
+}
+
+/// The lights that are not black all over the window, packed one after the other.
+fn lit(window: &[&Member], centre: usize) -> Vec<Slot> {
+    let black = |m: &Member, light: usize| matches!(m.stored[light], Stored::Black);
+    let mut first = 0;
+    let lit = window[centre].slots.iter().filter(|slot| match slot.kind {
+        LightKind::Steady => !black(window[centre], slot.light),
+        _ => window.iter().any(|m| !black(m, slot.light)),
+    });
+    let packed = lit.map(|slot| {
+        let slot = Slot { first, ..*slot };
+        first += slot.planes;
+        slot
+    });
+    packed.collect()
 }
 
 /// How unlike the things are that pixel `p` shows here, and pixel `q` of another frame there, in a mirror or through
 /// glass, as the exponent of a weight.
 pub(super) fn seen_energy(here: &Member, p: usize, other: &Member, q: usize, gather: &Gather) -> f32 {
     let (Some(a), Some(b)) = (&here.guides.seen, &other.guides.seen) else { return 0.0 };
-    let (a, b) = (&a[p], &b[q]);
-    let colour = (0..3).map(|c| (a[c] - b[c]).powi(2)).sum::<f32>() * 0.5 / (gather.seen_albedo * gather.seen_albedo);
-    let cosine = a[3] * b[3] + a[4] * b[4] + a[5] * b[5];
-    let has_normals = a[3..] != [0.0; 3] || b[3..] != [0.0; 3];
+    // Light that was divided by what it shows never mixes with light that was not.
+    if here.specular(p) != other.specular(q) {
+        return 1e9;
+    }
+    let (ca, cb) = (a.at(0, p), b.at(0, q));
+    let (na, nb) = (a.at(1, p), b.at(1, q));
+    let colour = (0..3).map(|c| (ca[c] - cb[c]).powi(2)).sum::<f32>() * 0.5 / (gather.seen_albedo * gather.seen_albedo);
+    let cosine = na[0] * nb[0] + na[1] * nb[1] + na[2] * nb[2];
+    let has_normals = na != [0.0; 3] || nb != [0.0; 3];
     colour + if has_normals { gather.seen_normal * (1.0 - cosine) } else { 0.0 }
 }

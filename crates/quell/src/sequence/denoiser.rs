@@ -1,9 +1,10 @@
 //! The public face: frames in, in order; filtered frames out as soon as their window is complete.
 
-use super::accumulate::accumulate;
+use super::accumulate::{Accumulated, accumulate};
 use super::energy::Class;
 use super::frame::SequenceFrame;
-use super::member::Member;
+use super::member::{Member, Slot};
+use super::packed::{Packed, Weight};
 use super::reflections::follow_reflections;
 use super::rows::Rows;
 use super::settings::SequenceSettings;
@@ -14,12 +15,62 @@ use crate::error::Error;
 use crate::frame::Rgb;
 use crate::plane::{Plane, Size};
 use std::collections::VecDeque;
+use std::sync::Arc;
 
 /// A filtered light: the light itself, then its joint planes, all without weight.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FilteredLight {
     /// As many planes as the light and its joint planes.
     pub planes: Vec<Plane<Rgb>>,
+    /// [`super::Light::weight`] as it came.
+    pub weight: Option<Arc<Plane<Rgb>>>,
+}
+
+/// A frame made ready for the filter: a third of its size as it came. What only this frame decides is decided here, so
+/// that another thread can do it.
+pub struct PreparedFrame {
+    pub(super) member: Member,
+    pub(super) repaired: usize,
+}
+
+impl PreparedFrame {
+    /// Takes a frame apart.
+    ///
+    /// # Errors
+    /// [`Error::EmptySize`], [`Error::PlaneSize`].
+    pub fn new(frame: SequenceFrame) -> Result<Self, Error> {
+        check(&frame)?;
+        let (member, repaired) = Member::new(frame);
+        Ok(Self { member, repaired })
+    }
+
+    /// Frame number.
+    pub fn number(&self) -> i64 {
+        self.member.number
+    }
+
+    /// Finds the motion to the next frame in that frame, where it is not known (files hold none for the sky). Done by [`SequenceDenoiser::push`] too;
+    /// for frames of which only rows will be pushed it must be done before. So with the motion of what mirrors show.
+    pub fn followed_by(&mut self, next: &mut Self) {
+        if self.member.number.checked_add(1) != Some(next.member.number) || !self.member.same_kind(&next.member) {
+            return;
+        }
+        if self.member.lacks_motion_to_next() {
+            self.member.derive_motion_to_next(&next.member);
+        }
+        follow_reflections(&mut self.member, &mut next.member);
+    }
+
+    /// Rows that motion leads up or down at most, to the frame before and to the next.
+    pub fn rows_moved(&self) -> [f32; 2] {
+        self.member.rows_moved()
+    }
+}
+
+impl std::fmt::Debug for PreparedFrame {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("PreparedFrame").field("number", &self.member.number).finish_non_exhaustive()
+    }
 }
 
 /// A filtered frame. Planes have the frame's extent.
@@ -51,6 +102,7 @@ struct Entry {
 
 /// A frame after the wavelet.
 struct Estimate {
+    slots: Vec<Slot>,
     colours: Rows,
     picture: Plane<Rgb>,
     samples: Plane<f32>,
@@ -89,27 +141,56 @@ impl SequenceDenoiser {
         self.settings.gather.frames as usize + self.settings.stabilise.frames as usize
     }
 
+    /// Rows above and below a band that decide it, where no surface moves up or down by more than `moved` rows a frame. A
+    /// band with as many rows around it is filtered to the bits of the whole picture.
+    pub fn margin(&self, moved: f32, picture_height: usize) -> usize {
+        let s = &self.settings;
+        let farthest = s.gather.travel * picture_height as f32;
+        let way = |frames: u32| (moved * frames as f32).min(farthest).ceil() as usize + 2;
+        // Every level compares means over 3x3 pixels, and takes taps two steps away.
+        let levels = s.wavelet.levels.max(s.wavelet.transmission_levels);
+        let wavelet = 4 * ((1usize << levels) - 1) + levels as usize;
+        let variance = s.variance.radius as usize;
+        // The range in 3x3, the cubic, what is in front in 3x3, edges along the picture; slopes and noise of guides.
+        let (stabilise, guides) = (3 + 1 + super::stabilise::BORDER, 2);
+        way(s.stabilise.frames) + stabilise + wavelet + variance + guides + way(s.gather.frames)
+    }
+
     /// Takes the next frame; `wanted`: it is to come out, not only to help its neighbours. What comes out is complete, in
     /// order. A number that does not follow, another size or other lights are a cut: what waited comes out first.
     ///
     /// # Errors
     /// [`Error::EmptySize`], [`Error::PlaneSize`]: the frame is left out and the denoiser unchanged.
     pub fn push(&mut self, frame: SequenceFrame, wanted: bool) -> Result<Vec<Filtered>, Error> {
-        check(&frame)?;
-        let (mut member, repaired) = Member::new(frame);
+        let mut out = Vec::new();
+        self.push_to(PreparedFrame::new(frame)?, wanted, &mut |filtered| {
+            out.push(filtered);
+            true
+        });
+        Ok(out)
+    }
+
+    /// [`Self::push`], with every frame given to `out` as soon as it is filtered: one at a time is in memory. Where `out`
+    /// returns false, the rest is put off until the next call.
+    pub fn push_to(&mut self, frame: PreparedFrame, wanted: bool, out: &mut dyn FnMut(Filtered) -> bool) {
+        let PreparedFrame { mut member, repaired } = frame;
         let follows = self.entries.back().is_none_or(|last| {
             last.member.number.checked_add(1) == Some(member.number) && last.member.same_kind(&member)
         });
-        let mut out = if follows { Vec::new() } else { self.finish()? };
+        if !follows {
+            self.finish_to(out);
+        }
         if let Some(last) = self.entries.back_mut() {
-            if last.member.motion_to_next.is_none() {
+            if last.member.lacks_motion_to_next() {
                 last.member.derive_motion_to_next(&member);
             }
-            follow_reflections(&mut last.member, &mut member);
+            // Done before for bands: what mirrors show is found in the whole picture.
+            if last.member.reflection_to_next.is_none() {
+                follow_reflections(&mut last.member, &mut member);
+            }
         }
         self.entries.push_back(Entry { member, wanted, repaired, estimate: None });
-        out.extend(self.ready(false));
-        Ok(out)
+        self.ready(false, out);
     }
 
     /// The end of the sequence, or a cut: the rest comes out, and the next frame starts afresh.
@@ -117,18 +198,26 @@ impl SequenceDenoiser {
     /// # Errors
     /// None today.
     pub fn finish(&mut self) -> Result<Vec<Filtered>, Error> {
-        let out = self.ready(true);
-        self.entries.clear();
-        self.done = 0;
+        let mut out = Vec::new();
+        self.finish_to(&mut |filtered| {
+            out.push(filtered);
+            true
+        });
         Ok(out)
     }
 
+    /// [`Self::finish`], with every frame given to `out` as soon as it is filtered.
+    pub fn finish_to(&mut self, out: &mut dyn FnMut(Filtered) -> bool) {
+        self.ready(true, out);
+        self.entries.clear();
+        self.done = 0;
+    }
+
     /// Frames whose window is complete, or all where the sequence ends.
-    fn ready(&mut self, ends: bool) -> Vec<Filtered> {
+    fn ready(&mut self, ends: bool, out: &mut dyn FnMut(Filtered) -> bool) {
         let gather = self.settings.gather.frames as usize;
         let steady = self.settings.stabilise.frames as usize;
         let future = self.settings.gather.future;
-        let mut out = Vec::new();
         while self.done < self.entries.len() {
             let t = self.done;
             let last = self.entries.len() - 1;
@@ -145,21 +234,45 @@ impl SequenceDenoiser {
                         self.entries[i].member.estimated();
                     }
                 }
-                out.extend(self.result(t, from, to));
+                if let Some(filtered) = self.result(t, from, to) {
+                    // Neighbours still ask for the picture, nobody for the lights: frames are large.
+                    self.given_out(t);
+                    self.done += 1;
+                    let go_on = out(filtered);
+                    self.forget();
+                    if !go_on {
+                        return;
+                    }
+                    continue;
+                }
             }
-            // Neighbours still ask for the picture, nobody for the lights: frames are large.
-            if let Some(estimate) = &mut self.entries[t].estimate {
-                estimate.colours = Rows::empty();
-                estimate.samples = Plane::filled(Size::new(0, 0), 0.0);
-            }
+            self.given_out(t);
             self.done += 1;
-            // What no later frame can reach.
-            while self.done > gather + steady {
-                self.entries.pop_front();
-                self.done -= 1;
-            }
+            self.forget();
         }
-        out
+    }
+
+    fn given_out(&mut self, t: usize) {
+        let Some(entry) = self.entries.get_mut(t) else { return };
+        if let Some(estimate) = &mut entry.estimate {
+            estimate.colours = Rows::empty();
+            estimate.slots = Vec::new();
+            estimate.samples = Plane::filled(Size::new(0, 0), 0.0);
+            entry.member.given_out();
+        }
+    }
+
+    /// Drops what no later frame can reach.
+    fn forget(&mut self) {
+        let gather = self.settings.gather.frames as usize;
+        let steady = self.settings.stabilise.frames as usize;
+        let kept = self.done.saturating_sub(steady);
+        // A later frame may ask for an estimate that is still to be made, and that for the frames around it.
+        let next =
+            (kept..self.entries.len()).find(|&i| self.entries[i].estimate.is_none()).unwrap_or(self.entries.len());
+        let kept = kept.min(next.saturating_sub(gather));
+        self.entries.drain(..kept);
+        self.done -= kept;
     }
 
     fn estimate(&self, i: usize) -> Estimate {
@@ -169,11 +282,14 @@ impl SequenceDenoiser {
         let window: Vec<&Member> = (from..=to).map(|k| &self.entries[k].member).collect();
         let member = window[i - from];
         let accumulated = accumulate(&window, i - from, &s.gather);
-        let samples = most_samples(member, &accumulated.moments);
-        let variance = variance(member, &accumulated, &s.variance, &s.wavelet);
-        let colours = wavelet(member, accumulated, variance, &s.wavelet);
-        let picture = picture(member, &colours);
-        Estimate { colours, picture, samples }
+        let samples = most_samples(member.size, &accumulated.moments);
+        let local = member.guides.local(member.size, member.seen_colour.as_ref());
+        let variance = variance(member, &local, &accumulated, &s.variance, &s.wavelet);
+        let Accumulated { slots, colours, moments } = accumulated;
+        drop(moments);
+        let colours = wavelet(member, &local, &slots, colours, variance, &s.wavelet);
+        let picture = picture(member, &slots, &colours);
+        Estimate { slots, colours, picture, samples }
     }
 
     fn result(&self, t: usize, from: usize, to: usize) -> Option<Filtered> {
@@ -205,7 +321,7 @@ fn check(frame: &SequenceFrame) -> Result<(), Error> {
     };
     for light in &frame.lights {
         same(&light.name, Some(light.light.size()))?;
-        same(&format!("weight of {}", light.name), light.weight.as_ref().map(Plane::size))?;
+        same(&format!("weight of {}", light.name), light.weight.as_deref().map(Plane::size))?;
         for joint in &light.joint {
             same(&format!("joint plane of {}", light.name), Some(joint.size()))?;
         }
@@ -224,29 +340,27 @@ fn check(frame: &SequenceFrame) -> Result<(), Error> {
 }
 
 /// The largest count among the lights.
-fn most_samples(member: &Member, moments: &Rows) -> Plane<f32> {
-    Plane::from_fn(member.size, |x, y| {
-        (0..member.slots.len()).map(|l| moments.row(y, 2 * l + 1)[x]).fold(1.0, f32::max)
-    })
+fn most_samples(size: Size, moments: &Rows) -> Plane<f32> {
+    Plane::from_fn(size, |x, y| (0..moments.channels() / 2).map(|l| moments.row(y, 2 * l + 1)[x]).fold(1.0, f32::max))
 }
 
-/// What multiplies a light back besides its weight, of one row.
-fn seen_row<'a>(member: &'a Member, slot: &super::member::Slot, y: usize) -> Option<&'a [Rgb]> {
-    let seen = member.seen_colour.as_ref().filter(|_| Class::of(slot.kind) == Class::Seen)?;
-    Some(&seen[y * member.size.width..][..member.size.width])
+/// What multiplies a light back besides its weight.
+fn seen<'a>(member: &'a Member, slot: &Slot) -> Option<&'a Packed> {
+    member.seen_colour.as_ref().filter(|_| Class::of(slot.kind) == Class::Seen)
 }
 
 /// Sum of light * weight over the lights of the beauty.
-fn picture(member: &Member, colours: &Rows) -> Plane<Rgb> {
+fn picture(member: &Member, slots: &[Slot], colours: &Rows) -> Plane<Rgb> {
     let mut picture = Plane::filled(member.size, [0.0; 3]);
-    crate::par::rows(picture.data_mut(), member.size.width, |y, row| {
-        for (l, slot) in member.slots.iter().enumerate().filter(|(l, _)| member.in_beauty[*l]) {
+    let width = member.size.width;
+    crate::par::rows(picture.data_mut(), width, |y, row| {
+        for slot in slots.iter().filter(|slot| member.in_beauty[slot.light]) {
             let channels = [0, 1, 2].map(|c| colours.row(y, 3 * slot.first + c));
-            let weights = member.weights[l].as_ref().map(|p| p.row(y));
-            let seen = seen_row(member, slot, y);
+            let weights = member.weights[slot.light].as_deref();
+            let seen = seen(member, slot);
             for (x, value) in row.iter_mut().enumerate() {
-                let weight = weights.map_or([1.0; 3], |w| w[x]);
-                let seen = seen.map_or([1.0; 3], |s| s[x]);
+                let weight = weights.map_or([1.0; 3], |w| w.at(y * width + x));
+                let seen = seen.map_or([1.0; 3], |s| s.at(0, y * width + x));
                 for c in 0..3 {
                     value[c] += channels[c][x] * weight[c] * seen[c];
                 }
@@ -258,19 +372,32 @@ fn picture(member: &Member, colours: &Rows) -> Plane<Rgb> {
 
 /// The filtered lights, all scaled alike to the steadier picture: they add up to it.
 fn lights(member: &Member, estimate: &Estimate, picture: &Plane<Rgb>) -> Vec<FilteredLight> {
-    let ratio = Plane::from_fn(member.size, |x, y| {
+    let (size, width) = (member.size, member.size.width);
+    let ratio = crate::par::plane(size, |x, y| {
         let (before, after) = (estimate.picture.at(x, y), picture.at(x, y));
         [0, 1, 2].map(|c| if before[c] > 1e-8 && after[c] > 0.0 { after[c] / before[c] } else { 1.0 })
     });
-    let light = |slot: &super::member::Slot| FilteredLight {
-        planes: (slot.first..slot.first + slot.planes)
-            .map(|k| {
-                Plane::from_fn(member.size, |x, y| {
-                    let seen = seen_row(member, slot, y).map_or([1.0; 3], |s| s[x]);
-                    [0, 1, 2].map(|c| estimate.colours.row(y, 3 * k + c)[x] * seen[c] * ratio.at(x, y)[c])
-                })
+    let filtered = |slot: &Slot| {
+        let plane = |k: usize| {
+            crate::par::plane(size, |x, y| {
+                let seen = seen(member, slot).map_or([1.0; 3], |s| s.at(0, y * width + x));
+                [0, 1, 2].map(|c| estimate.colours.row(y, 3 * k + c)[x] * seen[c] * ratio.at(x, y)[c])
             })
-            .collect(),
+        };
+        (slot.first..slot.first + slot.planes).map(plane).collect()
     };
-    member.slots.iter().map(light).collect()
+    let mut shared: Vec<(*const Weight, Arc<Plane<Rgb>>)> = Vec::new();
+    let mut light = |slot: &Slot| FilteredLight {
+        planes: match estimate.slots.iter().find(|lit| lit.light == slot.light) {
+            Some(lit) => filtered(lit),
+            None => vec![Plane::filled(size, [0.0; 3]); slot.planes],
+        },
+        weight: member.weights[slot.light].as_ref().map(|weight| {
+            let known = shared.iter().find(|(other, _)| std::ptr::eq(*other, Arc::as_ptr(weight)));
+            let plane = known.map_or_else(|| Arc::new(weight.plane(size)), |(_, plane)| Arc::clone(plane));
+            shared.push((Arc::as_ptr(weight), Arc::clone(&plane)));
+            plane
+        }),
+    };
+    member.slots.iter().map(&mut light).collect()
 }

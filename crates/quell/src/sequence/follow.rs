@@ -56,10 +56,12 @@ fn follow(
     gather: &Gather,
     taps: &mut Vec<Tap>,
 ) {
-    let size = window[centre].size;
-    let (w, h) = (size.width, size.height);
+    let here = window[centre];
+    // A band counts rows as the whole picture does: sums of floats are the same.
+    let (w, h) = (here.size.width, here.picture_height);
+    let farthest = gather.travel * h as f32;
     let steps = if forward { window.len() - 1 - centre } else { centre }.min(gather.frames as usize);
-    let origin = ((index % w) as f32, (index / w) as f32);
+    let origin = ((index % w) as f32, (here.first_row + index / w) as f32);
     let mut at = origin;
     let mut nearest = index;
     let mut tracked: Surface = window[centre].guides.surface[index];
@@ -72,6 +74,9 @@ fn follow(
         at = (at.0 + m[0], at.1 + m[1]);
         // NaN fails too: unknown motion ends the way.
         if !(at.0 > -0.5 && at.1 > -0.5 && at.0 < w as f32 - 0.5 && at.1 < h as f32 - 0.5) {
+            return;
+        }
+        if (at.1 - origin.1).abs() > farthest {
             return;
         }
         let repeated = (from.repeats_noise || member.repeats_noise)
@@ -87,10 +92,11 @@ fn follow(
             [(0, 0, (1.0 - tx) * (1.0 - ty)), (1, 0, tx * (1.0 - ty)), (0, 1, (1.0 - tx) * ty), (1, 1, tx * ty)]
         {
             let (qx, qy) = (left as isize + dx, top as isize + dy);
-            if share < LEAST_SHARE || !size.contains(qx, qy) {
+            if share < LEAST_SHARE || qx < 0 || qx >= w as isize {
                 continue;
             }
-            let q = qy as usize * w + qx as usize;
+            let Some(row) = member.row_here(qy) else { continue };
+            let q = row * w + qx as usize;
             let round_trip = back.as_ref().map(|b| b.data()[q]).map(|r| [m[0] + r[0], m[1] + r[1]]);
             let Some(trust) = same_surface(&member.guides.surface[q], &tracked, pixel_size, m, round_trip, gather)
             else {

@@ -6,6 +6,7 @@
 
 use crate::frame::Rgb;
 use crate::plane::{Plane, Size};
+use std::sync::Arc;
 
 /// What made the light of a pass: it decides which guides its filter believes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
@@ -37,8 +38,8 @@ pub struct Light {
     pub kind: LightKind,
     /// Scene-linear light *without* its colour: the pass's contribution to the picture is `light * weight`.
     pub light: Plane<Rgb>,
-    /// The colour that multiplies it back, >= 0. Absent: 1.
-    pub weight: Option<Plane<Rgb>>,
+    /// The colour that multiplies it back, >= 0. Absent: 1. Lights of one surface may share it.
+    pub weight: Option<Arc<Plane<Rgb>>>,
     /// False for a pass that is filtered but is no term of the beauty (it is part of another pass already).
     pub in_beauty: bool,
     /// Further colour planes filtered with this light's very weights (a decomposition of it: they add up after as they

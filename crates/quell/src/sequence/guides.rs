@@ -4,8 +4,12 @@
 //! Guides of other renderers are means over the pixel's samples (or one sample of it) and may be absent. Planes in
 //! space are linear in 1/z over the image, so a slope of 1/z predicts a neighbour's depth without any camera.
 
+use super::energy::Class;
 use super::frame::SequenceFrame;
+use super::packed::Packed;
+use crate::frame::Rgb;
 use crate::par;
+use crate::plane::Size;
 
 /// What the filters ask of a pixel's guides.
 #[derive(Clone, Copy, Debug, Default)]
@@ -19,7 +23,6 @@ pub(super) struct Surface {
 }
 
 /// Guides that only the filters within one frame ask for; rows of width w, one after the other.
-#[derive(Default)]
 pub(super) struct Local {
     /// Change of inverse depth over one pixel to the right, and one down.
     pub slope: [Vec<f32>; 2],
@@ -38,14 +41,18 @@ pub(super) struct Local {
     pub albedo: [Vec<f32>; 3],
 }
 
-/// A frame's guides.
+/// A frame's guides, as they wait in the window.
+#[derive(Clone)]
 pub(super) struct Guides {
     pub surface: Vec<Surface>,
-    pub local: Local,
     /// Tone-mapped albedo and unit normal seen in mirrors and through glass; `None`: absent.
-    pub seen: Option<Vec<[f32; 6]>>,
+    pub seen: Option<Packed>,
+    /// Which of the two there are.
+    has_seen: [bool; 2],
     /// That albedo's mean over 3x3: what a mirror shows there, its own aliasing apart.
-    pub seen_around: Option<Vec<[f32; 3]>>,
+    pub seen_around: Option<Packed>,
+    /// Tone-mapped colour of the surface, where a light asks for it.
+    pub albedo: Option<Packed>,
     /// World-space size of a pixel per unit of depth; 0 where positions are unknown.
     pub pixel_angle: f32,
 }
@@ -72,57 +79,56 @@ impl Guides {
                 }
             }
         });
-        let local = Local::new(frame, &surface);
         let pixel_angle = if frame.position.is_some() { pixel_angle(&surface, w, h) } else { 0.0 };
-        let seen = (frame.seen_albedo.is_some() || frame.seen_normal.is_some()).then(|| {
-            let local = &local;
-            let at = |planes: &[Vec<f32>; 3], i: usize| [0, 1, 2].map(|c| planes[c].get(i).copied().unwrap_or(0.0));
-            let pixel = |i: usize| {
-                let ([a, b, c], [d, e, f]) = (at(&local.seen_albedo, i), at(&local.seen_normal, i));
-                [a, b, c, d, e, f]
-            };
-            (0..frame.size.pixels()).map(pixel).collect()
+        let (albedo, normal) = (frame.seen_albedo.as_ref(), frame.seen_normal.as_ref());
+        let has_seen = [albedo.is_some(), normal.is_some()];
+        let seen = has_seen.contains(&true).then(|| {
+            Packed::new(frame.size, 2, |k, i| {
+                if k == 0 {
+                    albedo.map_or([0.0; 3], |p| tone_mapped(p.data()[i]))
+                } else {
+                    normal.map_or([0.0; 3], |p| unit(p.data()[i]))
+                }
+            })
         });
-        let seen_around = frame.seen_albedo.is_some().then(|| {
-            let mean = |x: usize, y: usize| {
+        let seen_around = seen.as_ref().filter(|_| has_seen[0]).map(|seen| {
+            Packed::new(frame.size, 1, |_, i| {
+                let (x, y) = (i % w, i / w);
                 let (mut sum, mut n) = ([0.0f32; 3], 0.0);
                 for qy in y.saturating_sub(1)..(y + 2).min(h) {
                     for qx in x.saturating_sub(1)..(x + 2).min(w) {
+                        let colour = seen.at(0, qy * w + qx);
                         for c in 0..3 {
-                            sum[c] += local.seen_albedo[c][qy * w + qx];
+                            sum[c] += colour[c];
                         }
                         n += 1.0;
                     }
                 }
                 sum.map(|s| s / n)
-            };
-            par::plane(frame.size, mean).into_vec()
+            })
         });
-        Self { surface, local, seen, seen_around, pixel_angle }
+        let coloured = frame.lights.iter().any(|light| Class::of(light.kind) == Class::Coloured);
+        let albedo = frame.albedo.as_ref().filter(|_| coloured);
+        let albedo = albedo.map(|p| Packed::new(frame.size, 1, |_, i| tone_mapped(p.data()[i])));
+        Self { surface, seen, has_seen, seen_around, albedo, pixel_angle }
+    }
+
+    /// What the filters within the frame ask for.
+    /// `divisor`: what reflections were divided by.
+    pub(super) fn local(&self, size: Size, divisor: Option<&Packed>) -> Local {
+        Local::new(self, size, divisor)
     }
 }
 
-/// Added to the albedo seen in mirrors and glass: a difference that no tolerance bridges.
+/// Added to the albedo seen in mirrors and glass: a difference that no tolerance bridges. Light that was divided by what it
+/// shows never mixes with light that was not.
 const APART: f32 = 8.0;
 
-impl Guides {
-    /// Sets pixels apart whose glossy light was divided by what they show (`divisor` is not 1): it never mixes with light
-    /// that was not.
-    pub(super) fn set_apart(&mut self, divisor: &[[f32; 3]]) {
-        let mut marks = self.local.seen_albedo[0].iter_mut();
-        let mut seen = self.seen.iter_mut().flatten();
-        for d in divisor {
-            let apart = if *d == [1.0; 3] { 0.0 } else { APART };
-            marks.next().into_iter().for_each(|mark| *mark += apart);
-            seen.next().into_iter().for_each(|seen| seen[0] += apart);
-        }
-    }
-}
-
 impl Local {
-    fn new(frame: &SequenceFrame, surface: &[Surface]) -> Self {
-        let (w, h) = (frame.size.width, frame.size.height);
-        let plane = |f: &(dyn Fn(usize, usize) -> f32 + Sync)| -> Vec<f32> { par::plane(frame.size, f).into_vec() };
+    fn new(guides: &Guides, size: Size, divisor: Option<&Packed>) -> Self {
+        let (w, h) = (size.width, size.height);
+        let surface = &guides.surface;
+        let plane = |f: &(dyn Fn(usize, usize) -> f32 + Sync)| -> Vec<f32> { par::plane(size, f).into_vec() };
         let at = |x: usize, y: usize| &surface[y * w + x];
         // Of the two one-sided differences the smaller: the other may cross an edge.
         let slope = |here: f32, back: Option<f32>, forward: Option<f32>| -> f32 {
@@ -175,23 +181,36 @@ impl Local {
             })
         });
         let component = |c: usize| surface.iter().map(|s| s.normal[c]).collect();
-        let three = |f: &(dyn Fn(usize, usize) -> [f32; 3] + Sync)| [0, 1, 2].map(|c| plane(&|x, y| f(x, y)[c]));
-        let none = || [Vec::new(), Vec::new(), Vec::new()];
-        let tone = |v: f32| if v > 0.0 { v / (1.0 + v) } else { 0.0 };
+        let three = |packed: Option<&Packed>, k: usize| match packed {
+            None => [Vec::new(), Vec::new(), Vec::new()],
+            Some(packed) => [0, 1, 2].map(|c| plane(&|x, y| packed.at(k, y * w + x)[c])),
+        };
+        let seen = |k: usize| three(guides.seen.as_ref().filter(|_| guides.has_seen[k]), k);
+        let mut seen_albedo = seen(0);
+        if let Some(divisor) = divisor {
+            let apart = |(i, mark): (usize, &mut f32)| {
+                if divisor.at(0, i) != [1.0; 3] {
+                    *mark += APART;
+                }
+            };
+            seen_albedo[0].iter_mut().enumerate().for_each(apart);
+        }
         Self {
             slope: [dx, dy],
             inverse_depth: surface.iter().map(|s| s.inverse_depth).collect(),
             depth_noise,
             normal: [component(0), component(1), component(2)],
             normal_noise,
-            seen_albedo: frame
-                .seen_albedo
-                .as_ref()
-                .map_or_else(none, |p| three(&|x, y| p.at(x, y).map(|v| 2.0 * tone(v)))),
-            seen_normal: frame.seen_normal.as_ref().map_or_else(none, |p| three(&|x, y| unit(p.at(x, y)))),
-            albedo: frame.albedo.as_ref().map_or_else(none, |p| three(&|x, y| p.at(x, y).map(|v| 2.0 * tone(v)))),
+            seen_albedo,
+            seen_normal: seen(1),
+            albedo: three(guides.albedo.as_ref(), 0),
         }
     }
+}
+
+/// Colour in 0..2.
+fn tone_mapped(colour: Rgb) -> Rgb {
+    colour.map(|v| if v.is_finite() && v > 0.0 { 2.0 * (v / (1.0 + v)) } else { 0.0 })
 }
 
 fn unit(n: [f32; 3]) -> [f32; 3] {

@@ -13,6 +13,8 @@
 //! wavelet.rs     stage 3: edge-avoiding a-trous levels with a luminance stop
 //! energy.rs      how unlike two pixels' guides are
 //! stabilise.rs   stage 4: neighbours in time, limited to the local range
+//! spool.rs       frames outside of memory, read back in bands of rows
+//! packed.rs      colours of frames that wait, in half precision
 //! rows.rs, simd.rs  images of many channels; row loops on wide vectors
 //! ```
 //!
@@ -26,14 +28,17 @@ mod follow;
 pub mod frame;
 mod guides;
 mod member;
+mod packed;
 mod reflections;
 mod rows;
 pub mod settings;
 mod simd;
+mod spool;
 mod stabilise;
 mod variance;
 mod wavelet;
 
-pub use denoiser::{Filtered, FilteredLight, SequenceDenoiser};
+pub use denoiser::{Filtered, FilteredLight, PreparedFrame, SequenceDenoiser};
 pub use frame::{Light, LightKind, SequenceFrame};
 pub use settings::{SEQUENCE_PARAMETERS, SequenceSettings};
+pub use spool::SpooledFrame;

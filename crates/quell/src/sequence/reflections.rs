@@ -41,8 +41,14 @@ struct Level {
 impl Level {
     fn finest(member: &Member) -> Option<Self> {
         let (seen, specular) = (member.guides.seen.as_ref()?, member.seen_colour.as_ref()?);
-        let share: Vec<f32> = specular.iter().map(|&s| if s == [1.0; 3] { 0.0 } else { 1.0 }).collect();
-        share.contains(&1.0).then(|| Self { size: member.size, seen: seen.clone(), share })
+        let size = member.size;
+        let share = |i: usize| if specular.at(0, i) == [1.0; 3] { 0.0 } else { 1.0 };
+        let share: Vec<f32> = (0..size.pixels()).map(share).collect();
+        let seen = |i: usize| {
+            let ([r, g, b], [x, y, z]) = (seen.at(0, i), seen.at(1, i));
+            [r, g, b, x, y, z]
+        };
+        share.contains(&1.0).then(|| Self { size, seen: (0..size.pixels()).map(seen).collect(), share })
     }
 
     /// Means over 2x2, of the mirror's part alone.

@@ -27,6 +27,8 @@ parameters! {
             higher "Noisier reflections.", lower "They smear.", source "ours";
         plane_distance: f32 = 2.0, 0.0..=64.0, "pixel sizes at that depth", "Distance from the tangent plane at which a point of another frame is another surface.",
             higher "Samples cross small steps.", lower "Curved surfaces lose samples.", source "ours";
+        travel: f32 = 0.25, 0.0..=1.0, "of the picture's height", "How far up or down a way may lead from its pixel.",
+            higher "Fast vertical motion keeps more frames; bands of a picture need wider margins.", lower "It loses samples.", source "ours: docs/sequence.md";
         round_trip: f32 = 0.15, 0.0..=16.0, "pixels", "How far there and back again may miss for a surface that moves.",
             higher "Ghosts behind moving things.", lower "Rotating things lose samples.", source "ours";
     }

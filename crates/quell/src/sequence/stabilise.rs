@@ -8,7 +8,10 @@ use super::member::Member;
 use super::settings::{Gather, Stabilise};
 use crate::frame::Rgb;
 use crate::par;
-use crate::plane::{Plane, Size};
+use crate::plane::Plane;
+
+/// Rows around a pixel that this stage reads besides those that motion leads to.
+pub(super) const BORDER: usize = 2;
 
 /// A frame of the window with its filtered picture.
 pub(super) struct Filtered<'a> {
@@ -27,6 +30,8 @@ pub(super) fn stabilise(
     let here = &window[centre];
     let size = here.picture.size();
     let (w, h) = (size.width, size.height);
+    // A band counts rows as the whole picture does: sums of floats are the same.
+    let farthest = gather.travel * here.member.picture_height as f32;
     let mut alpha = here.alpha.cloned();
     let mut out = here.picture.clone();
     let mut coverage = alpha.take().map(Plane::into_vec).unwrap_or_default();
@@ -58,7 +63,8 @@ pub(super) fn stabilise(
                     continue;
                 }
                 let steps = if forward { window.len() - 1 - centre } else { centre }.min(s.frames as usize);
-                let (mut at, mut decayed) = ((x as f32, y as f32), 1.0);
+                let origin = ((x as f32), (here.member.first_row + y) as f32);
+                let (mut at, mut decayed) = (origin, 1.0);
                 let mut front = front(here.member, x, y);
                 for k in 1..=steps {
                     let (from, to) = if forward { (centre + k - 1, centre + k) } else { (centre + 1 - k, centre - k) };
@@ -67,7 +73,10 @@ pub(super) fn stabilise(
                     let there = window[to].member;
                     // What a mirror or a glass shows moves by itself; where that motion is unsure, the surface's counts,
                     // unless it leads elsewhere.
-                    let along = |reflected: bool| step(from, there, forward, reflected, at, &front);
+                    let along = |reflected: bool| {
+                        step(from, there, forward, reflected, at, &front)
+                            .filter(|(at, _)| (at.1 - origin.1).abs() <= farthest)
+                    };
                     let mut tolerance = s.seen_albedo;
                     let step = match along(specular) {
                         None if specular && departs(from, forward, front.pixel) <= NO_DEPARTURE => {
@@ -78,12 +87,13 @@ pub(super) fn stabilise(
                     };
                     let Some((place, next)) = step else { break };
                     (at, front) = (place, next);
-                    let q = at.1.round() as usize * w + at.0.round() as usize;
+                    let Some(row) = there.row_here(at.1.round() as isize) else { break };
+                    let q = row * w + at.0.round() as usize;
                     let p = y * w + x;
                     let unlike = if specular { seen_difference(here.member, p, window[to].member, q) } else { 0.0 };
                     let weight = decayed * energy::weight(unlike / (2.0 * tolerance * tolerance));
                     let other = &window[to];
-                    let taps = CubicTaps::new(size, at);
+                    let taps = CubicTaps::new(window[to].member, at);
                     let c = taps.fetch(|i| other.picture.data()[i]);
                     for i in 0..3 {
                         sum[i] += weight * c[i].max(low[i]).min(high[i]);
@@ -124,7 +134,8 @@ impl Front {
 /// Squared difference of the tone-mapped colours that mirrors or glass show around two pixels.
 fn seen_difference(here: &Member, p: usize, other: &Member, q: usize) -> f32 {
     let (Some(a), Some(b)) = (&here.guides.seen_around, &other.guides.seen_around) else { return 0.0 };
-    (0..3).map(|c| (a[p][c] - b[q][c]).powi(2)).sum()
+    let (a, b) = (a.at(0, p), b.at(0, q));
+    (0..3).map(|c| (a[c] - b[c]).powi(2)).sum()
 }
 
 /// Where a silhouette lies one frame further, and what is in front there; `None`: it is lost.
@@ -136,14 +147,14 @@ fn step(
     at: (f32, f32),
     front: &Front,
 ) -> Option<((f32, f32), Front)> {
-    let (w, h) = (from.size.width, from.size.height);
+    let (w, h) = (from.size.width, from.picture_height);
     let m = follow::motion(from, forward, reflected)?.data()[front.pixel];
     let at = (at.0 + m[0], at.1 + m[1]);
     // NaN fails too: unknown motion ends the way.
     if !(at.0 >= 0.0 && at.1 >= 0.0 && at.0 <= (w - 1) as f32 && at.1 <= (h - 1) as f32) {
         return None;
     }
-    let there = self::front(to, at.0.round() as usize, at.1.round() as usize);
+    let there = self::front(to, at.0.round() as usize, to.row_here(at.1.round() as isize)?);
     (there.same(front) && returns(to, forward, reflected, there.pixel, m)).then_some((at, there))
 }
 
@@ -195,7 +206,7 @@ struct CubicTaps {
 }
 
 impl CubicTaps {
-    fn new(size: Size, (x, y): (f32, f32)) -> Self {
+    fn new(member: &Member, (x, y): (f32, f32)) -> Self {
         let spline = |t: f32| {
             [
                 ((-0.5 * t + 1.0) * t - 0.5) * t,
@@ -207,11 +218,12 @@ impl CubicTaps {
         let place = |v: f32, limit: usize| {
             [0isize, 1, 2, 3].map(|i| (v.floor() as isize + i - 1).clamp(0, limit as isize - 1) as usize)
         };
+        let last = member.size.height.saturating_sub(1);
         Self {
-            x: place(x, size.width),
-            y: place(y, size.height),
+            x: place(x, member.size.width),
+            y: place(y, member.picture_height).map(|row| row.saturating_sub(member.first_row).min(last)),
             weights: [spline(x - x.floor()), spline(y - y.floor())],
-            width: size.width,
+            width: member.size.width,
         }
     }
 

@@ -3,6 +3,7 @@
 use super::accumulate::{Accumulated, luminance};
 use super::energy::{Class, Offset, energies, weight};
 use super::frame::LightKind;
+use super::guides::Local;
 use super::member::Member;
 use super::rows::Rows;
 use super::settings::{Variance, Wavelet};
@@ -13,11 +14,17 @@ use crate::par;
 ///
 /// Over time it is the pooled spread of the samples; where those are few, the spread of the means over the window
 /// counts too (a first frame, what was just uncovered), or the variance that the renderer gave.
-pub(super) fn variance(member: &Member, accumulated: &Accumulated, s: &Variance, wavelet: &Wavelet) -> Rows {
-    let lights = member.slots.len();
+pub(super) fn variance(
+    member: &Member,
+    local: &Local,
+    accumulated: &Accumulated,
+    s: &Variance,
+    wavelet: &Wavelet,
+) -> Rows {
+    let lights = accumulated.slots.len();
     let mut out = Rows::new(member.size, lights);
     par::rows(out.data_mut(), (lights * member.size.width).max(1), |y, out| {
-        widest!(variance_row(member, accumulated, s, wavelet, y, out));
+        widest!(variance_row(member, local, accumulated, s, wavelet, y, out));
     });
     out
 }
@@ -25,6 +32,7 @@ pub(super) fn variance(member: &Member, accumulated: &Accumulated, s: &Variance,
 #[inline(always)]
 fn variance_row(
     member: &Member,
+    local: &Local,
     accumulated: &Accumulated,
     s: &Variance,
     wavelet: &Wavelet,
@@ -32,9 +40,10 @@ fn variance_row(
     out: &mut [f32],
 ) {
     let (w, h) = (member.size.width, member.size.height);
-    let lights = member.slots.len();
+    let slots = &accumulated.slots;
+    let lights = slots.len();
     let radius = s.radius as isize;
-    let classes: Vec<usize> = member.slots.iter().map(|s| Class::of(s.kind) as usize).collect();
+    let classes: Vec<usize> = slots.iter().map(|s| Class::of(s.kind) as usize).collect();
     let wanted = Class::ALL.map(|c| classes.contains(&(c as usize)));
     let mut energy: [Vec<f32>; 4] = std::array::from_fn(|_| vec![0.0; w]);
     // Per light: pooled spread, its degrees of freedom, and the moments of the means with their weight.
@@ -45,9 +54,9 @@ fn variance_row(
             if dx == 0 && dy == 0 {
                 energy.iter_mut().for_each(|e| e.fill(0.0));
             } else {
-                energies(&member.guides.local, w, &o, wavelet, wanted, &mut energy);
+                energies(local, w, &o, wavelet, wanted, &mut energy);
             }
-            for (l, slot) in member.slots.iter().enumerate() {
+            for (l, slot) in slots.iter().enumerate() {
                 let energy = &energy[classes[l]];
                 let spread = o.taps(accumulated.moments.row(o.qy, 2 * l));
                 let count = o.taps(accumulated.moments.row(o.qy, 2 * l + 1));
@@ -66,9 +75,9 @@ fn variance_row(
             }
         }
     }
-    for (l, slot) in member.slots.iter().enumerate() {
+    for (l, slot) in slots.iter().enumerate() {
         let count = accumulated.moments.row(y, 2 * l + 1);
-        let weights = member.weights[l].as_ref().map(|p| p.row(y));
+        let weights = member.weights[slot.light].as_deref();
         let given = member.variance.as_ref().filter(|_| slot.kind == LightKind::Beauty).map(|p| p.row(y));
         for x in 0..w {
             let [spread, freedom, first, second, total] = sums[l * w + x];
@@ -77,7 +86,7 @@ fn variance_row(
             let over_space = (second / total - mean * mean).max(0.0) * count[x];
             let otherwise = match given {
                 Some(given) if given[x].is_finite() && given[x] >= 0.0 => {
-                    let weight = weights.map_or(1.0, |w| luminance(w[x])).max(1e-3);
+                    let weight = weights.map_or(1.0, |weight| luminance(weight.at(y * w + x))).max(1e-3);
                     given[x] / (weight * weight)
                 }
                 _ => over_space,

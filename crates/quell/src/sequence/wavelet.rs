@@ -5,14 +5,15 @@
 //! beyond the variance that both bring along, so that noise alone stops nothing; levels share the weights of guides
 //! between all lights.
 
-use super::accumulate::Accumulated;
 use super::energy::{Class, Offset, energies, weight};
 use super::frame::LightKind;
-use super::member::Member;
+use super::guides::Local;
+use super::member::{Member, Slot};
 use super::rows::Rows;
 use super::settings::Wavelet;
 use super::simd::widest;
 use crate::par;
+use crate::plane::Size;
 
 /// Half of the B3 spline's kernel, from the centre outwards.
 const SPLINE: [f32; 3] = [0.375, 0.25, 0.0625];
@@ -36,38 +37,65 @@ fn tolerance(s: &Wavelet, kind: LightKind) -> f32 {
     }
 }
 
-/// Filters every light; returns the colours, channels as in [`Accumulated`].
-pub(super) fn wavelet(member: &Member, accumulated: Accumulated, variance: Rows, s: &Wavelet) -> Rows {
-    let mut colours = accumulated.colours;
-    let mut variance = variance;
-    let most = member.slots.iter().map(|slot| levels(s, slot.kind)).max().unwrap_or(0);
+/// Filters every light; returns the colours, channels as in [`super::accumulate::Accumulated`].
+pub(super) fn wavelet(
+    member: &Member,
+    local: &Local,
+    slots: &[Slot],
+    colours: Rows,
+    variance: Rows,
+    s: &Wavelet,
+) -> Rows {
+    let size = member.size;
+    let (mut colours, mut variance) = (colours, variance);
+    let most = slots.iter().map(|slot| levels(s, slot.kind)).max().unwrap_or(0);
     for level in 0..most {
-        let compared = compared(member, &colours, &variance, s);
-        let active: Vec<usize> = (0..member.slots.len()).filter(|&l| levels(s, member.slots[l].kind) > level).collect();
+        let compared = compared(size, local, slots, &colours, &variance, s);
+        let active: Vec<usize> = (0..slots.len()).filter(|&l| levels(s, slots[l].kind) > level).collect();
         let (step, compared) = (1 << level, &compared);
-        let (colours_then, variance_then) =
-            Level { member, colours: &colours, variance: &variance, compared, step, active: &active, settings: s }
-                .filter();
+        let (colours_then, variance_then) = Level {
+            member,
+            size,
+            local,
+            slots,
+            colours: &colours,
+            variance: &variance,
+            compared,
+            step,
+            active: &active,
+            settings: s,
+        }
+        .filter();
         (colours, variance) = (colours_then, variance_then);
     }
     colours
 }
 
 /// Two channels a light: mean luminance over 3x3 of the same surface, and its variance.
-fn compared(member: &Member, colours: &Rows, variance: &Rows, s: &Wavelet) -> Rows {
-    let lights = member.slots.len();
-    let mut out = Rows::new(member.size, 2 * lights);
-    par::rows(out.data_mut(), (2 * lights * member.size.width).max(1), |y, out| {
-        widest!(compared_row(member, colours, variance, s, y, out));
+fn compared(size: Size, local: &Local, slots: &[Slot], colours: &Rows, variance: &Rows, s: &Wavelet) -> Rows {
+    let lights = slots.len();
+    let mut out = Rows::new(size, 2 * lights);
+    par::rows(out.data_mut(), (2 * lights * size.width).max(1), |y, out| {
+        widest!(compared_row(size, local, slots, colours, variance, s, y, out));
     });
     out
 }
 
 #[inline(always)]
-fn compared_row(member: &Member, colours: &Rows, variance: &Rows, s: &Wavelet, y: usize, out: &mut [f32]) {
-    let (w, h) = (member.size.width, member.size.height);
-    let lights = member.slots.len();
-    let classes: Vec<usize> = member.slots.iter().map(|s| Class::of(s.kind) as usize).collect();
+#[expect(clippy::too_many_arguments, reason = "one row of one image, and all that it reads")]
+fn compared_row(
+    size: Size,
+    local: &Local,
+    slots: &[Slot],
+    colours: &Rows,
+    variance: &Rows,
+    s: &Wavelet,
+    y: usize,
+    out: &mut [f32],
+) {
+    let (w, h) = (size.width, size.height);
+    let lights = slots.len();
+    let classes: Vec<usize> = slots.iter().map(|s| Class::of(s.kind) as usize).collect();
     let wanted = Class::ALL.map(|c| classes.contains(&(c as usize)));
     let mut energy: [Vec<f32>; 4] = std::array::from_fn(|_| vec![0.0; w]);
     let mut total = vec![0.0f32; lights * w];
@@ -77,11 +105,11 @@ fn compared_row(member: &Member, colours: &Rows, variance: &Rows, s: &Wavelet, y
             if dx == 0 && dy == 0 {
                 energy.iter_mut().for_each(|e| e.fill(0.0));
             } else {
-                energies(&member.guides.local, w, &o, s, wanted, &mut energy);
+                energies(local, w, &o, s, wanted, &mut energy);
             }
             let share = [2.0, 1.0][dx.unsigned_abs()] * [2.0, 1.0][dy.unsigned_abs()];
             let n = o.to - o.from;
-            for (l, slot) in member.slots.iter().enumerate() {
+            for (l, slot) in slots.iter().enumerate() {
                 let rgb = [0, 1, 2].map(|c| &o.taps(colours.row(o.qy, 3 * slot.first + c))[..n]);
                 let var = &o.taps(variance.row(o.qy, l))[..n];
                 let energy = &energy[classes[l]][..n];
@@ -109,6 +137,9 @@ fn compared_row(member: &Member, colours: &Rows, variance: &Rows, s: &Wavelet, y
 /// What one level reads.
 struct Level<'a> {
     member: &'a Member,
+    size: Size,
+    local: &'a Local,
+    slots: &'a [Slot],
     colours: &'a Rows,
     variance: &'a Rows,
     compared: &'a Rows,
@@ -121,8 +152,8 @@ struct Level<'a> {
 impl Level<'_> {
     /// The colours and variances after it.
     fn filter(&self) -> (Rows, Rows) {
-        let size = self.member.size;
-        let lights = self.member.slots.len();
+        let size = self.size;
+        let lights = self.slots.len();
         let mut colours = Rows::new(size, self.colours.channels());
         let mut variance = Rows::new(size, lights);
         let (cw, vw) = (self.colours.channels() * size.width, lights * size.width);
@@ -134,13 +165,13 @@ impl Level<'_> {
 
     #[inline(always)]
     fn row(&self, y: usize, out: &mut [f32], out_variance: &mut [f32]) {
-        let Self { member, colours, variance, compared, step, active, settings: s } = *self;
-        let (w, h) = (member.size.width, member.size.height);
-        let lights = member.slots.len();
-        let classes: Vec<usize> = member.slots.iter().map(|s| Class::of(s.kind) as usize).collect();
+        let Self { member, size, local, slots, colours, variance, compared, step, active, settings: s } = *self;
+        let (w, h) = (size.width, size.height);
+        let lights = slots.len();
+        let classes: Vec<usize> = slots.iter().map(|s| Class::of(s.kind) as usize).collect();
         let wanted = Class::ALL.map(|c| active.iter().any(|&l| classes[l] == c as usize));
         for l in (0..lights).filter(|l| !active.contains(l)) {
-            let slot = &member.slots[l];
+            let slot = &slots[l];
             for c in 3 * slot.first..3 * (slot.first + slot.planes) {
                 out[c * w..][..w].copy_from_slice(colours.row(y, c));
             }
@@ -152,7 +183,7 @@ impl Level<'_> {
         // Squared, of every light at every pixel.
         let mut tolerances = vec![0.0f32; lights * w];
         for &l in active {
-            let kind = member.slots[l].kind;
+            let kind = slots[l].kind;
             for (x, squared) in tolerances[l * w..][..w].iter_mut().enumerate() {
                 let k = if member.reflects(y * w + x, kind) { s.mirror } else { tolerance(s, kind) };
                 *squared = k * k;
@@ -165,10 +196,10 @@ impl Level<'_> {
                 let share = SPLINE[dx.unsigned_abs()] * SPLINE[dy.unsigned_abs()];
                 let centre = dx == 0 && dy == 0;
                 if !centre {
-                    energies(&member.guides.local, w, &o, s, wanted, &mut energy);
+                    energies(local, w, &o, s, wanted, &mut energy);
                 }
                 for &l in active {
-                    let slot = &member.slots[l];
+                    let slot = &slots[l];
                     let weights = &mut weights[..n];
                     if centre {
                         weights.fill(share);
@@ -205,7 +236,7 @@ impl Level<'_> {
             }
         }
         for &l in active {
-            let slot = &member.slots[l];
+            let slot = &slots[l];
             for x in 0..w {
                 let scale = 1.0 / total[l * w + x];
                 out_variance[l * w + x] *= scale * scale;

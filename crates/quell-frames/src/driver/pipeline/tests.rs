@@ -58,10 +58,15 @@ impl Lists {
         (self.seen[at].0, self.seen[low..high].iter().map(|s| s.0).collect())
     }
 
-    fn ready(&mut self, until: usize) -> Vec<(i64, Vec<i64>)> {
-        let range = self.out..until.max(self.out);
-        self.out = range.end;
-        range.filter(|&at| self.seen[at].1).map(|at| self.window(at)).collect()
+    fn ready(&mut self, until: usize, out: &mut dyn FnMut(i64, Vec<i64>) -> bool) {
+        while self.out < until {
+            let at = self.out;
+            self.out += 1;
+            let (number, window) = self.window(at);
+            if self.seen[at].1 && !out(number, window) {
+                return;
+            }
+        }
     }
 }
 
@@ -69,21 +74,28 @@ impl Window for Lists {
     type Loaded = i64;
     type Done = Vec<i64>;
 
-    fn push(&mut self, number: i64, loaded: i64, wanted: bool) -> Result<Vec<(i64, Vec<i64>)>, Error> {
+    fn push(
+        &mut self,
+        number: i64,
+        loaded: i64,
+        wanted: bool,
+        out: &mut dyn FnMut(i64, Vec<i64>) -> bool,
+    ) -> Result<(), Error> {
         assert_eq!(number, loaded);
         if self.refuses == Some(number) {
             return Err(refused(std::io::ErrorKind::InvalidData, "filter"));
         }
         self.seen.push((number, wanted));
         let complete = self.seen.len().saturating_sub(self.reach);
-        Ok(self.ready(complete))
+        self.ready(complete, out);
+        Ok(())
     }
 
-    fn finish(&mut self) -> Result<Vec<(i64, Vec<i64>)>, Error> {
-        let out = self.ready(self.seen.len());
+    fn finish(&mut self, out: &mut dyn FnMut(i64, Vec<i64>) -> bool) -> Result<(), Error> {
+        self.ready(self.seen.len(), out);
         self.seen.clear();
         self.out = 0;
-        Ok(out)
+        Ok(())
     }
 
     fn is_cut(&self, loaded: &i64) -> bool {

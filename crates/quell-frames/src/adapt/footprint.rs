@@ -1,0 +1,64 @@
+//! What a frame of a layer takes in memory, in bytes a pixel.
+
+use super::Adapter;
+use crate::image::ExrImage;
+use crate::roles::Role;
+
+/// Bytes a pixel of a frame on its way through a job; an estimate from above.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Footprint {
+    /// Light passes.
+    pub lights: f64,
+    /// Planes that multiply them back.
+    pub weights: f64,
+    /// As decoded from the file.
+    pub read_bytes: f64,
+    /// Channels that are written anew, as stored.
+    pub written_bytes: f64,
+}
+
+impl Footprint {
+    /// In full precision, while a frame is made ready: lights, weights, beauty twice, guides, and those of the frame before.
+    pub fn planes(&self) -> f64 {
+        12.0 * (self.lights + self.weights) + 24.0 + 88.0 + 28.0
+    }
+
+    /// While it waits in the window: lights, guides, motion, coverage, weights.
+    pub fn waiting(&self) -> f64 {
+        6.0 * (self.lights + self.weights) + 78.0
+    }
+
+    /// Filtered frames that wait for the pictures of their neighbours.
+    pub fn estimates(&self, steady: usize) -> f64 {
+        (12.0 * self.lights + 16.0) * (steady as f64 + 1.0) + 16.0 * steady as f64
+    }
+
+    /// The filter's images of one frame: colours twice, variances twice, what is compared; its guides.
+    pub fn at_work(&self) -> f64 {
+        40.0 * self.lights + 80.0
+    }
+
+    /// As it comes out of the filter.
+    pub fn filtered(&self) -> f64 {
+        12.0 * (self.lights + self.weights) + 40.0
+    }
+}
+
+impl Adapter {
+    /// What a frame takes; the headers of one tell how channels are stored.
+    pub fn footprint(&self, images: &[ExrImage]) -> Footprint {
+        let (lights, weights) = super::lights::count(&self.mapping, &self.rule);
+        let bytes = |id: &crate::roles::ChannelId| {
+            let channel = images.get(id.file).and_then(|image| image.parts().get(id.part)?.channels().get(id.channel));
+            channel.map_or(0.0, |channel| if channel.kind() == crate::image::SampleKind::Half { 2.0 } else { 4.0 })
+        };
+        let written = |role: Role| role.light().is_some() || matches!(role, Role::Beauty | Role::LightGroup);
+        let channels = self.mapping.passes.iter().filter(|pass| written(pass.role));
+        Footprint {
+            lights: lights as f64,
+            weights: weights as f64,
+            read_bytes: self.mapping.channels().iter().map(bytes).sum(),
+            written_bytes: channels.flat_map(|pass| pass.channels.iter().chain(&pass.alpha)).map(bytes).sum(),
+        }
+    }
+}

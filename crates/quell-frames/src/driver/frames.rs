@@ -1,0 +1,228 @@
+//! Frames on their way from files through the filter to files: what each step keeps of them.
+
+use super::cuts::CutGuides;
+use super::job::{Job, layout, outputs, settings_text};
+use super::output::{Existing, JOB_ATTRIBUTE};
+use super::pipeline::{Files, Window};
+use crate::adapt::Links;
+use crate::error::Error;
+use crate::image::{ExrImage, ImageWriteOptions, read_channels};
+use quell::Plane;
+use quell::sequence::{Filtered, Light, PreparedFrame, SequenceDenoiser, SequenceFrame};
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::sync::Mutex;
+
+/// Where frames come from and go to.
+pub(super) struct Disk<'j> {
+    job: &'j Job,
+    /// Of each layer and view. Frames are read one after the other.
+    before: Mutex<Vec<Before>>,
+}
+
+/// What a frame needs to know of its predecessor.
+#[derive(Default)]
+struct Before {
+    links: Links,
+    /// Its number and what it shows.
+    guides: Option<(i64, CutGuides)>,
+}
+
+/// A frame as read.
+pub(super) struct Loaded {
+    /// Its files without their samples; empty where it is not wanted.
+    pub images: Vec<ExrImage>,
+    /// What each layer and view became, with a description of its lights.
+    pub frames: Vec<(PreparedFrame, SequenceFrame)>,
+    /// It shows something else than the frame before.
+    pub cut: bool,
+}
+
+/// A frame as filtered.
+pub(super) struct Done {
+    pub images: Vec<ExrImage>,
+    /// Of each layer and view: its lights described, and what the filter made of them.
+    pub filtered: Vec<(SequenceFrame, Filtered)>,
+}
+
+impl<'j> Disk<'j> {
+    pub(super) fn new(job: &'j Job) -> Self {
+        Self { job, before: Mutex::new(job.adapters.iter().map(|_| Before::default()).collect()) }
+    }
+}
+
+impl Files for Disk<'_> {
+    type Loaded = Loaded;
+    type Done = Done;
+
+    fn read(&self, number: i64, wanted: bool) -> Result<(Loaded, Vec<String>), Error> {
+        let job = self.job;
+        let sources = job.sources(number)?;
+        let path = || sources.files.first().map_or(Path::new(""), |file| file.path.as_path());
+        let files = sources.files.iter().enumerate();
+        let read = files.map(|(i, file)| {
+            let needed: Vec<_> = job.adapters.iter().map(|adapter| adapter.reads(i)).collect();
+            read_channels(&file.path, |part, channel| needed.iter().any(|needed| needed(part, channel)))
+        });
+        let mut images = read.collect::<Result<Vec<_>, _>>()?;
+        if layout(&images) != job.layout {
+            let reason = "its parts or channels are not those of the first frame; filter it as a job of its own";
+            return Err(Error::invalid(path(), reason));
+        }
+        let mut notes = Vec::new();
+        let mut frames = Vec::with_capacity(job.adapters.len());
+        let mut cut = false;
+        let mut before = self.before.lock().map_err(|_| Error::invalid(path(), "reading failed before"))?;
+        for (adapter, before) in job.adapters.iter().zip(before.iter_mut()) {
+            if images.iter().any(|image| image.full_window().union(adapter.canvas()) != adapter.canvas()) {
+                let reason = format!("it has pixels outside of {}, which holds the other frames", adapter.canvas());
+                return Err(Error::invalid(path(), reason));
+            }
+            let last = before.guides.take();
+            let adapted = adapter.frame(number, &images, &mut before.links)?;
+            notes.extend(adapted.notes);
+            if job.options.cuts.is_none() {
+                let last = last.filter(|(last, _)| last.checked_add(1) == Some(number));
+                cut |= last.is_some_and(|(_, guides)| guides.cut_before(&adapted.frame));
+                before.guides = Some((number, CutGuides::of(&adapted.frame)));
+            }
+            let described = without_light(&adapted.frame);
+            let prepared = PreparedFrame::new(adapted.frame);
+            frames.push((prepared.map_err(|source| Error::Frame { path: path().to_owned(), source })?, described));
+        }
+        if wanted {
+            // Frames wait long to be written: what is not replaced is read again then.
+            images.iter_mut().for_each(ExrImage::forget);
+        } else {
+            images.clear();
+        }
+        Ok((Loaded { images, frames, cut }, notes))
+    }
+
+    fn write(&self, number: i64, done: Done) -> Result<Vec<String>, Error> {
+        let job = self.job;
+        let sources = job.sources(number)?;
+        let mut images = done.images;
+        let mut notes = Vec::new();
+        let mut repaired = 0;
+        for (adapter, (mut frame, filtered)) in job.adapters.iter().zip(done.filtered) {
+            let mut lights = Vec::with_capacity(filtered.lights.len());
+            for (light, filtered) in frame.lights.iter_mut().zip(filtered.lights) {
+                light.weight = filtered.weight;
+                lights.extend(filtered.planes.into_iter().next());
+            }
+            adapter.write_back(&mut images, &frame, &lights, filtered.alpha.as_ref())?;
+            repaired += filtered.repaired;
+        }
+        if repaired > 0 {
+            notes.push(format!(
+                "frame {number}: {repaired} pixels held colours that are no numbers, and count as black"
+            ));
+        }
+        if let Some(adapter) = job.adapters.first() {
+            adapter.sign(&mut images, &settings_text(&job.options.settings))?;
+        }
+        let options = ImageWriteOptions { overwrite: job.options.existing == Existing::Overwrite };
+        for (image, path) in images.iter_mut().zip(outputs(&job.options.destination, sources)?) {
+            image.set_text("quell.mapping", &job.mapping)?;
+            image.set_text(JOB_ATTRIBUTE, &job.key)?;
+            notes.extend(image.write(&path, &options)?.notes);
+        }
+        Ok(notes)
+    }
+}
+
+/// What writing back needs of a frame: lights without their light and weight. The filter has them.
+fn without_light(frame: &SequenceFrame) -> SequenceFrame {
+    let mut kept = SequenceFrame::new(frame.number, frame.size);
+    kept.lights = (frame.lights.iter())
+        .map(|light| Light {
+            name: light.name.clone(),
+            kind: light.kind,
+            light: Plane::filled(quell::Size::new(1, 1), [0.0; 3]),
+            weight: None,
+            in_beauty: light.in_beauty,
+            joint: Vec::new(),
+        })
+        .collect();
+    kept
+}
+
+/// A filter for each layer and view, which go through the frames side by side.
+pub(super) struct Denoisers {
+    each: Vec<SequenceDenoiser>,
+    /// Wanted frames that are inside.
+    inside: BTreeMap<i64, Inside>,
+}
+
+struct Inside {
+    images: Vec<ExrImage>,
+    described: Vec<SequenceFrame>,
+    filtered: Vec<Option<Filtered>>,
+}
+
+impl Denoisers {
+    pub(super) fn new(job: &Job) -> Result<Self, Error> {
+        let path: PathBuf = job.options.inputs.first().cloned().unwrap_or_default();
+        let new = |_| SequenceDenoiser::new(job.options.settings.clone());
+        let each = job.adapters.iter().map(new).collect::<Result<Vec<_>, _>>();
+        let each = each.map_err(|source| Error::Frame { path, source })?;
+        Ok(Self { each, inside: BTreeMap::new() })
+    }
+}
+
+/// Takes what one filter made of a frame, and gives the frame out when all have done so.
+fn collect(
+    inside: &mut BTreeMap<i64, Inside>,
+    which: usize,
+    filtered: Filtered,
+    out: &mut dyn FnMut(i64, Done) -> bool,
+) -> bool {
+    let number = filtered.number;
+    if let Some(place) = inside.get_mut(&number).and_then(|inside| inside.filtered.get_mut(which)) {
+        *place = Some(filtered);
+    }
+    if inside.get(&number).is_none_or(|inside| inside.filtered.iter().any(Option::is_none)) {
+        return true;
+    }
+    let Some(complete) = inside.remove(&number) else { return true };
+    let filtered = complete.described.into_iter().zip(complete.filtered.into_iter().flatten()).collect();
+    out(number, Done { images: complete.images, filtered })
+}
+
+impl Window for Denoisers {
+    type Loaded = Loaded;
+    type Done = Done;
+
+    fn push(
+        &mut self,
+        number: i64,
+        loaded: Loaded,
+        wanted: bool,
+        out: &mut dyn FnMut(i64, Done) -> bool,
+    ) -> Result<(), Error> {
+        let (frames, described): (Vec<_>, Vec<_>) = loaded.frames.into_iter().unzip();
+        let Self { each, inside } = self;
+        if wanted {
+            let filtered = frames.iter().map(|_| None).collect();
+            inside.insert(number, Inside { images: loaded.images, described, filtered });
+        }
+        for (which, (denoiser, frame)) in each.iter_mut().zip(frames).enumerate() {
+            denoiser.push_to(frame, wanted, &mut |filtered| collect(inside, which, filtered, out));
+        }
+        Ok(())
+    }
+
+    fn finish(&mut self, out: &mut dyn FnMut(i64, Done) -> bool) -> Result<(), Error> {
+        let Self { each, inside } = self;
+        for (which, denoiser) in each.iter_mut().enumerate() {
+            denoiser.finish_to(&mut |filtered| collect(inside, which, filtered, out));
+        }
+        inside.clear();
+        Ok(())
+    }
+
+    fn is_cut(&self, loaded: &Loaded) -> bool {
+        loaded.cut
+    }
+}

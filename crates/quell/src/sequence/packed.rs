@@ -1,0 +1,172 @@
+//! Colours of a frame that waits in the window, in half precision: what neighbours read of it.
+//!
+//! A sample is rounded to 11 bits, a fiftieth of a percent; path-traced noise is thousands of times as large. What half
+//! precision does not reach is kept in full beside it, so that no value is lost. Files hold half floats mostly: they
+//! lose nothing at all.
+
+use crate::frame::Rgb;
+use crate::par;
+use crate::plane::{Plane, Size};
+
+/// Stands for a pixel that is kept in full: half precision's infinity, which no finite colour becomes.
+const BEYOND: u16 = 0x7c00;
+/// The largest finite value, before rounding up to it.
+const LARGEST: f32 = 65504.0;
+
+/// Half precision, rounded to nearest, ties to even. Finite values up to 65504 only.
+#[inline(always)]
+pub(super) fn to_half(value: f32) -> u16 {
+    let bits = value.to_bits();
+    let sign = (bits >> 16) as u16 & 0x8000;
+    let magnitude = bits & 0x7fff_ffff;
+    // Below the smallest normal number the float's own adder rounds: 0.5 has the same step, 2^-24.
+    let small = (f32::from_bits(magnitude) + 0.5).to_bits().wrapping_sub(0.5f32.to_bits()) as u16;
+    let rounded = magnitude.wrapping_add(0xfff + (magnitude >> 13 & 1));
+    let normal = (rounded.wrapping_sub(112 << 23) >> 13) as u16;
+    sign | if magnitude < 113 << 23 { small } else { normal }
+}
+
+/// The value of a finite half.
+#[inline(always)]
+pub(super) fn from_half(half: u16) -> f32 {
+    let magnitude = u32::from(half & 0x7fff);
+    let small = magnitude as f32 * (1.0 / (1u32 << 24) as f32);
+    let normal = f32::from_bits((magnitude << 13).wrapping_add(112 << 23));
+    let value = if magnitude < 1 << 10 { small } else { normal };
+    f32::from_bits(value.to_bits() | u32::from(half & 0x8000) << 16)
+}
+
+fn fits(value: f32) -> bool {
+    value.abs() <= LARGEST
+}
+
+/// Some colours a pixel, pixel by pixel: a tap reads one run of memory.
+#[derive(Clone, Default)]
+pub(super) struct Packed {
+    pub planes: usize,
+    pub data: Vec<[u16; 3]>,
+    /// Places in `data` of colours that half precision does not hold, ascending, and these colours.
+    pub beyond: Vec<(usize, Rgb)>,
+}
+
+impl Packed {
+    /// `value(plane, pixel)` must be finite.
+    pub(super) fn new(size: Size, planes: usize, value: impl Fn(usize, usize) -> Rgb + Sync) -> Self {
+        let width = size.width * planes;
+        let mut data = vec![[0u16; 3]; size.pixels() * planes];
+        if planes > 0 {
+            par::rows(&mut data, width, |y, row| {
+                for (x, pixel) in row.chunks_exact_mut(planes).enumerate() {
+                    for (k, stored) in pixel.iter_mut().enumerate() {
+                        let c = value(k, y * size.width + x);
+                        *stored = if c.iter().all(|v| fits(*v)) { c.map(to_half) } else { [BEYOND; 3] };
+                    }
+                }
+            });
+        }
+        let places = data.iter().enumerate().filter(|(_, c)| c[0] == BEYOND);
+        let beyond = places.map(|(i, _)| (i, value(i % planes, i / planes))).collect();
+        Self { planes, data, beyond }
+    }
+
+    /// Colour `plane` of a pixel.
+    #[inline(always)]
+    pub(super) fn at(&self, plane: usize, pixel: usize) -> Rgb {
+        let place = pixel * self.planes + plane;
+        let c = self.data[place];
+        if c[0] == BEYOND { self.kept(place) } else { c.map(from_half) }
+    }
+
+    #[cold]
+    fn kept(&self, place: usize) -> Rgb {
+        self.beyond.binary_search_by_key(&place, |(at, _)| *at).map_or([0.0; 3], |i| self.beyond[i].1)
+    }
+}
+
+/// What multiplies a light back: in half precision where that loses nothing, else as it came.
+pub(super) enum Weight {
+    Half(Vec<[u16; 3]>),
+    Full(Plane<Rgb>),
+}
+
+impl Weight {
+    pub(super) fn new(plane: &Plane<Rgb>) -> Self {
+        let exact = |v: f32| fits(v) && from_half(to_half(v)).to_bits() == v.to_bits();
+        if plane.data().iter().flatten().all(|v| exact(*v)) {
+            Self::Half(plane.data().iter().map(|c| c.map(to_half)).collect())
+        } else {
+            Self::Full(plane.clone())
+        }
+    }
+
+    #[inline(always)]
+    pub(super) fn at(&self, pixel: usize) -> Rgb {
+        match self {
+            Self::Half(data) => data[pixel].map(from_half),
+            Self::Full(plane) => plane.data()[pixel],
+        }
+    }
+
+    /// As it came.
+    pub(super) fn plane(&self, size: Size) -> Plane<Rgb> {
+        par::plane(size, |x, y| self.at(y * size.width + x))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_half_comes_back() {
+        for half in (0..=u16::MAX).filter(|h| h & 0x7fff < BEYOND) {
+            assert_eq!(to_half(from_half(half)), half, "{half:#x}");
+        }
+        assert_eq!((from_half(0x3c00), from_half(1), from_half(0xc000)), (1.0, (-24f32).exp2(), -2.0));
+    }
+
+    #[test]
+    fn values_are_rounded_to_the_nearest() {
+        let mut value = 1e-9f32;
+        while value < LARGEST {
+            for v in [value, -value] {
+                let half = to_half(v);
+                let found = (from_half(half) - v).abs();
+                for other in [half.wrapping_sub(1), half + 1].into_iter().filter(|h| h & 0x7fff < BEYOND) {
+                    assert!(found <= (from_half(other) - v).abs(), "{v}");
+                }
+            }
+            value *= 1.0037;
+        }
+        // Halfway between two of them, to the even one.
+        assert_eq!(from_half(to_half(2049.0)), 2048.0);
+        assert_eq!(from_half(to_half(2051.0)), 2052.0);
+    }
+
+    #[test]
+    fn what_does_not_fit_is_kept() {
+        let size = Size::new(3, 2);
+        let value = |k: usize, i: usize| match (k, i) {
+            (1, 4) => [1e9, -2.0, 0.1],
+            (0, 5) => [0.5, 0.5, 65505.0],
+            _ => [k as f32, i as f32, -0.25],
+        };
+        let packed = Packed::new(size, 2, value);
+        for (k, i) in (0..2).flat_map(|k| (0..6).map(move |i| (k, i))) {
+            assert_eq!(packed.at(k, i), value(k, i));
+        }
+        assert_eq!(packed.beyond.len(), 2);
+        assert_eq!(Packed::new(size, 0, value).data.len(), 0);
+    }
+
+    #[test]
+    fn weights_lose_nothing() {
+        let size = Size::new(4, 1);
+        for value in [0.25f32, 0.3] {
+            let plane = Plane::filled(size, [value, 1.0, 0.0]);
+            let weight = Weight::new(&plane);
+            assert_eq!(weight.plane(size), plane);
+            assert_eq!(matches!(weight, Weight::Half(_)), value == 0.25);
+        }
+    }
+}

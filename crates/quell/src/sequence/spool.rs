@@ -1,0 +1,272 @@
+//! A prepared frame outside of memory: its planes as bytes, of which some rows are read back.
+//!
+//! A job that does not fit in memory is filtered in bands of rows. What a frame decides as a whole (the size of a pixel,
+//! whether there is fog) was decided before, so a band of it is filtered to the same bits as the whole.
+
+use super::denoiser::PreparedFrame;
+use super::guides::Surface;
+use super::member::{Member, Stored};
+use super::packed::{Packed, Weight};
+use crate::plane::{Plane, Size};
+use std::io::{self, Read, Seek, SeekFrom, Write};
+use std::ops::Range;
+use std::sync::Arc;
+
+/// What stays in memory of a frame whose planes were written elsewhere.
+pub struct SpooledFrame {
+    member: Member,
+    repaired: usize,
+    bytes: u64,
+}
+
+impl PreparedFrame {
+    /// Writes the planes to `to`.
+    ///
+    /// # Errors
+    /// What `to` answers.
+    pub fn spool(self, to: &mut dyn Write) -> io::Result<SpooledFrame> {
+        let Self { mut member, repaired } = self;
+        let mut writer = Writer { to, bytes: 0, buffer: Vec::new() };
+        visit(&mut member, &mut writer)?;
+        let bytes = writer.bytes;
+        Ok(SpooledFrame { member, repaired, bytes })
+    }
+}
+
+impl SpooledFrame {
+    /// Frame number.
+    pub fn number(&self) -> i64 {
+        self.member.number
+    }
+
+    /// Extent of the whole frame.
+    pub fn size(&self) -> Size {
+        self.member.size
+    }
+
+    /// Bytes that were written.
+    pub fn bytes(&self) -> u64 {
+        self.bytes
+    }
+
+    /// Reads rows back from where [`PreparedFrame::spool`] wrote them, from position 0 on. Rows beyond the frame's are
+    /// left out.
+    ///
+    /// # Errors
+    /// What `from` answers.
+    pub fn rows(&self, from: &mut (impl Read + Seek), rows: Range<usize>) -> io::Result<PreparedFrame> {
+        let mut member = self.member.clone();
+        let size = member.size;
+        let to = rows.end.min(size.height);
+        let rows = rows.start.min(to)..to;
+        let mut reader = Reader { from, size, rows: rows.clone(), at: 0, buffer: Vec::new() };
+        visit(&mut member, &mut reader)?;
+        member.size = Size::new(size.width, rows.len());
+        member.first_row = rows.start;
+        Ok(PreparedFrame { member, repaired: self.repaired })
+    }
+}
+
+impl std::fmt::Debug for SpooledFrame {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("SpooledFrame").field("number", &self.member.number).finish_non_exhaustive()
+    }
+}
+
+/// Something of fixed length in bytes.
+pub(super) trait Element: Copy {
+    const BYTES: usize;
+    fn put(self, bytes: &mut Vec<u8>);
+    fn get(bytes: &[u8]) -> Self;
+}
+
+impl Element for u16 {
+    const BYTES: usize = 2;
+    fn put(self, bytes: &mut Vec<u8>) {
+        bytes.extend_from_slice(&self.to_le_bytes());
+    }
+    fn get(bytes: &[u8]) -> Self {
+        bytes.first_chunk().map_or(0, |b| Self::from_le_bytes(*b))
+    }
+}
+
+impl Element for f32 {
+    const BYTES: usize = 4;
+    fn put(self, bytes: &mut Vec<u8>) {
+        bytes.extend_from_slice(&self.to_le_bytes());
+    }
+    fn get(bytes: &[u8]) -> Self {
+        bytes.first_chunk().map_or(0.0, |b| Self::from_le_bytes(*b))
+    }
+}
+
+impl<T: Element, const N: usize> Element for [T; N] {
+    const BYTES: usize = N * T::BYTES;
+    fn put(self, bytes: &mut Vec<u8>) {
+        self.into_iter().for_each(|v| v.put(bytes));
+    }
+    fn get(bytes: &[u8]) -> Self {
+        std::array::from_fn(|i| T::get(bytes.get(i * T::BYTES..).unwrap_or_default()))
+    }
+}
+
+impl Element for Surface {
+    const BYTES: usize = 28;
+    fn put(self, bytes: &mut Vec<u8>) {
+        self.inverse_depth.put(bytes);
+        self.normal.put(bytes);
+        self.position.put(bytes);
+    }
+    fn get(bytes: &[u8]) -> Self {
+        let at = |i: usize| bytes.get(i..).unwrap_or_default();
+        Self { inverse_depth: f32::get(at(0)), normal: <[f32; 3]>::get(at(4)), position: <[f32; 3]>::get(at(16)) }
+    }
+}
+
+/// What is done to every plane in turn.
+trait Visitor {
+    /// `per_pixel` elements a pixel.
+    fn elements<T: Element>(&mut self, data: &mut Vec<T>, per_pixel: usize) -> io::Result<()>;
+    /// Extent afterwards.
+    fn size(&self) -> Size;
+    /// Pixels that remain, of those before; `None`: what lies beside planes stays as it is.
+    fn kept(&self) -> Option<Range<usize>>;
+}
+
+/// All planes of a member, in one order.
+fn visit(member: &mut Member, v: &mut impl Visitor) -> io::Result<()> {
+    packed(&mut member.samples, v)?;
+    let mut weights: Vec<Option<Arc<Weight>>> = Vec::with_capacity(member.weights.len());
+    for (i, weight) in member.weights.iter().enumerate() {
+        let Some(weight) = weight else {
+            weights.push(None);
+            continue;
+        };
+        // Lights of one surface share it.
+        let shared =
+            member.weights[..i].iter().position(|other| other.as_ref().is_some_and(|o| Arc::ptr_eq(o, weight)));
+        weights.push(match shared.and_then(|at| weights[at].clone()) {
+            Some(shared) => Some(shared),
+            None => Some(Arc::new(match weight.as_ref() {
+                Weight::Half(data) => {
+                    let mut data = data.clone();
+                    v.elements(&mut data, 1)?;
+                    Weight::Half(data)
+                }
+                Weight::Full(data) => {
+                    let mut data = data.clone();
+                    plane(&mut data, v)?;
+                    Weight::Full(data)
+                }
+            })),
+        });
+    }
+    member.weights = weights;
+    for stored in &mut member.stored {
+        if let Stored::Own(planes) = stored {
+            planes.iter_mut().try_for_each(|own| plane(own, v))?;
+        }
+    }
+    let guides = &mut member.guides;
+    v.elements(&mut guides.surface, 1)?;
+    for image in [&mut member.seen_colour, &mut guides.seen, &mut guides.seen_around, &mut guides.albedo] {
+        image.as_mut().map_or(Ok(()), |image| packed(image, v))?;
+    }
+    for motion in [
+        &mut member.motion_to_previous,
+        &mut member.motion_to_next,
+        &mut member.reflection_to_previous,
+        &mut member.reflection_to_next,
+    ] {
+        motion.as_mut().map_or(Ok(()), |motion| plane(motion, v))?;
+    }
+    for values in [&mut member.alpha, &mut member.variance] {
+        values.as_mut().map_or(Ok(()), |values| plane(values, v))?;
+    }
+    Ok(())
+}
+
+fn packed(packed: &mut Packed, v: &mut impl Visitor) -> io::Result<()> {
+    v.elements(&mut packed.data, packed.planes)?;
+    if let Some(kept) = v.kept() {
+        let places = kept.start * packed.planes..kept.end * packed.planes;
+        packed.beyond.retain(|(at, _)| places.contains(at));
+        packed.beyond.iter_mut().for_each(|(at, _)| *at -= places.start);
+    }
+    Ok(())
+}
+
+fn plane<T: Element>(plane: &mut Plane<T>, v: &mut impl Visitor) -> io::Result<()> {
+    let taken = Plane::from_vec(Size::new(0, 0), Vec::new()).map_err(io::Error::other)?;
+    let mut data = std::mem::replace(plane, taken).into_vec();
+    v.elements(&mut data, 1)?;
+    *plane = Plane::from_vec(v.size(), data).map_err(io::Error::other)?;
+    Ok(())
+}
+
+/// Elements that are turned to bytes at once.
+const AT_ONCE: usize = 1 << 14;
+
+/// Writes planes and empties them.
+struct Writer<'w> {
+    to: &'w mut dyn Write,
+    bytes: u64,
+    buffer: Vec<u8>,
+}
+
+impl Visitor for Writer<'_> {
+    fn elements<T: Element>(&mut self, data: &mut Vec<T>, _: usize) -> io::Result<()> {
+        for some in std::mem::take(data).chunks(AT_ONCE) {
+            self.buffer.clear();
+            some.iter().for_each(|value| value.put(&mut self.buffer));
+            self.to.write_all(&self.buffer)?;
+            self.bytes += self.buffer.len() as u64;
+        }
+        Ok(())
+    }
+
+    fn size(&self) -> Size {
+        Size::new(0, 0)
+    }
+
+    fn kept(&self) -> Option<Range<usize>> {
+        None
+    }
+}
+
+/// Fills planes with some of the rows that were written.
+struct Reader<'r, R> {
+    from: &'r mut R,
+    /// Of the whole frame.
+    size: Size,
+    rows: Range<usize>,
+    /// Where the next plane begins.
+    at: u64,
+    buffer: Vec<u8>,
+}
+
+impl<R: Read + Seek> Visitor for Reader<'_, R> {
+    fn elements<T: Element>(&mut self, data: &mut Vec<T>, per_pixel: usize) -> io::Result<()> {
+        let row = self.size.width * per_pixel;
+        let mut left = row * self.rows.len();
+        self.from.seek(SeekFrom::Start(self.at + (self.rows.start * row * T::BYTES) as u64))?;
+        data.reserve_exact(left);
+        while left > 0 {
+            let some = left.min(AT_ONCE);
+            self.buffer.resize(some * T::BYTES, 0);
+            self.from.read_exact(&mut self.buffer)?;
+            data.extend(self.buffer.chunks_exact(T::BYTES).map(T::get));
+            left -= some;
+        }
+        self.at += (self.size.height * row * T::BYTES) as u64;
+        Ok(())
+    }
+
+    fn size(&self) -> Size {
+        Size::new(self.size.width, self.rows.len())
+    }
+
+    fn kept(&self) -> Option<Range<usize>> {
+        Some(self.rows.start * self.size.width..self.rows.end * self.size.width)
+    }
+}
