@@ -159,7 +159,7 @@ fn step(
 }
 
 /// How much more alike a mirror must look where the surface's motion stands in.
-const UNSURE: f32 = 0.25;
+const UNSURE: f32 = 0.125;
 /// Pixels by which the motion of what is seen at a pixel may differ from the surface's and still be the same.
 const NO_DEPARTURE: f32 = 1.0;
 
