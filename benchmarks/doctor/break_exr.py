@@ -180,6 +180,7 @@ def damage(parts, fault, s, number, cameras, memory):
         each(parts, GUIDE, lambda p, k: np.where(smooth, shifted(p, dx, dy), nearest(p, dx, dy)))
     elif fault == "splat":
         each(parts, LIGHT, lambda p, _: gauss(p, s))
+        add_up(parts)
     elif fault == "denoised":
         keep(parts, ("Combined", "Denoising Albedo", "Normal", "Depth", "Vector"))
         normal, n = planes(parts, "Normal")
@@ -229,6 +230,17 @@ def damage(parts, fault, s, number, cameras, memory):
                     channels[k] = np.ascontiguousarray(channels[k][:, : int(channels[k].shape[1] * s)])
     elif fault != "none":
         raise SystemExit(f"no fault is called {fault}")
+
+
+def add_up(parts):
+    """Combined as the sum of the passes."""
+    beauty, c = planes(parts, "Combined")
+    for i, key in enumerate(c):
+        get = lambda end: (lambda found, keys: found[keys[i]].astype(np.float32))(*planes(parts, end))
+        total = get("Emission") + get("Environment") + get("Volume Direct") + get("Volume Indirect")
+        for lobe in ("Diffuse", "Glossy", "Transmission"):
+            total = total + get(f"{lobe} Color") * (get(f"{lobe} Direct") + get(f"{lobe} Indirect"))
+        put(beauty, key, total)
 
 
 def same_noise(plane, key, memory):

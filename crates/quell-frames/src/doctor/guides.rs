@@ -34,7 +34,8 @@ pub(super) struct Guides {
     /// Medians of |cosine| of normals and positions: world, camera, camera with z into the scene.
     spaces: Vec<(i64, [f64; 3])>,
     depths: Vec<(i64, Bend)>,
-    albedo: Option<(i64, f64, f64)>,
+    /// Frame, role, share of the pixels above 1, largest.
+    albedo: Option<(i64, Role, f64, f64)>,
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -74,7 +75,7 @@ impl Guides {
         if let Some(depth) = &look.raw.depth {
             self.depths.extend(bend(depth, look.raw.depth_half, &look.frame).map(|b| (look.number, b)));
         }
-        if let Some(albedo) = &look.raw.albedo {
+        if let Some((role, albedo)) = &look.raw.albedo {
             let (mut above, mut most) = (0usize, 0.0f32);
             for (i, pixel) in albedo.data().iter().enumerate() {
                 // Renderers write the sky's radiance there; it is divided out and multiplied back.
@@ -86,8 +87,8 @@ impl Guides {
                 most = most.max(largest);
             }
             let share = above as f64 / albedo.data().len().max(1) as f64;
-            if self.albedo.is_none_or(|(_, s, _)| share > s) {
-                self.albedo = Some((look.number, share, f64::from(most)));
+            if self.albedo.is_none_or(|(_, _, s, _)| share > s) {
+                self.albedo = Some((look.number, *role, share, f64::from(most)));
             }
         }
     }
@@ -314,8 +315,9 @@ impl Guides {
     }
 
     fn albedo(&self, table: &Mapping, found: &mut Diagnosis) {
-        let Some((frame, share, most)) = self.albedo else { return };
-        if share <= ALBEDO_SHARE {
+        let Some((frame, role, share, most)) = self.albedo else { return };
+        // Lamps have their radiance in Blender's denoising albedo, by design.
+        if share <= if role == Role::Albedo { ALBEDO_SHARE } else { ALBEDO_SPOILS } {
             found.pass("albedo.above_one", format!("at most {most:.2}; {:.2} % of the pixels above 1", share * 100.0));
             return;
         }
@@ -323,15 +325,17 @@ impl Guides {
         found.findings.push(
             Finding::new("albedo.above_one", severity, "albedo is larger than 1")
                 .frame(frame)
-                .channel(name_of(table, Role::Albedo))
+                .channel(name_of(table, role))
                 .evidence(
                     format!("in {:.1} % of the pixels, up to {most:.2}; no surface reflects more light than it gets", share * 100.0),
                     vec![Figure::new("pixels above 1", share * 100.0, "%"), Figure::new("largest", most, "")],
                 )
                 .cure(
                     "light is divided by it before the filter: where it is noisy or wrong, its noise and its edges come into the light",
-                    "leave it out with --map albedo=none, or write the surface's colour alone (no emission, no division by small densities), \
-                     clamped to 1",
+                    format!(
+                        "leave it out with --map {role}=none, or write the surface's colour alone (no emission, no division by small densities), \
+                     clamped to 1"
+                    ),
                 ),
         );
     }

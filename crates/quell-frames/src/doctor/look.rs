@@ -63,7 +63,8 @@ pub(super) struct Raw {
     pub depth: Option<Plane<f32>>,
     /// Depth is stored in half floats.
     pub depth_half: bool,
-    pub albedo: Option<Plane<Rgb>>,
+    /// What light is divided by, where it is a pass of its own: its role and its values.
+    pub albedo: Option<(Role, Plane<Rgb>)>,
 }
 
 impl Look {
@@ -91,6 +92,9 @@ impl Raw {
             }
         }
         let three = |pass: Option<&Mapped>| pass.map(|p| gather(images, &p.channels, canvas, [0.0; 3])).transpose();
+        let colours = [Role::MatteColour, Role::GlossyColour, Role::TransmissionColour, Role::SubsurfaceColour];
+        let seen = mapping.get(Role::SeenAlbedo).filter(|_| colours.iter().all(|role| mapping.get(*role).is_none()));
+        let albedo = mapping.get(Role::Albedo).or(seen);
         let depth = mapping.get(Role::Depth).and_then(|pass| pass.channels.first().copied());
         let depth_half = depth.is_some_and(|id| {
             images
@@ -103,7 +107,7 @@ impl Raw {
             normal: three(mapping.get(Role::Normal))?,
             depth: depth.map(|id| single(images, id, canvas, 0.0)).transpose()?,
             depth_half,
-            albedo: three(mapping.get(Role::Albedo))?,
+            albedo: three(albedo)?.and_then(|plane| Some((albedo?.role, plane))),
         })
     }
 }

@@ -18,6 +18,8 @@ const EXPLAINS: f64 = 0.95;
 /// A reading explains something where it leaves at most this part of the difference without motion. Half a pixel of
 /// rounding alone leaves 0.15 to 0.2.
 const GOOD: f64 = 0.9;
+/// Mean length of vectors that can be meant, in widths of the picture.
+const FARTHEST: f64 = 0.2;
 /// Vectors that leave this much more than no motion at all lead nowhere.
 const NOWHERE: f64 = 1.25;
 /// The picture moves where doing nothing leaves this much difference.
@@ -72,7 +74,10 @@ impl Motion {
                 continue;
             };
             let Some(convention) = in_force(adapter, *role, *pair) else { continue };
-            let evidence = find_motion(&guides(earlier, before), &guides(later, plane));
+            let mut evidence = find_motion(&guides(earlier, before), &guides(later, plane));
+            if let Some(evidence) = &mut evidence {
+                evidence.errors.retain(|(c, _)| *c == convention || plausible(c, plane));
+            }
             readings.extend(evidence.map(|e| (*role, *pair, convention, e)));
         }
         let motion = later.frame.motion_to_previous.as_ref();
@@ -344,8 +349,10 @@ impl Motion {
             return;
         }
         let before = found.findings.len();
-        let mut scales: Vec<f64> =
-            certain.iter().filter(|(p, r)| p.length > 0.3 && r.scale_error < 0.05).map(|(_, r)| r.scale).collect();
+        // A factor that accounts for nothing is none.
+        let factor = |r: &Residual| if r.explains() { r.scale } else { 1.0 };
+        let known = certain.iter().filter(|(p, r)| p.length > 0.3 && r.scale_error < 0.05);
+        let mut scales: Vec<f64> = known.map(|(_, r)| factor(r)).collect();
         scales.sort_by(f64::total_cmp);
         let scale = scales.get(scales.len() / 2).copied();
         if let Some(scale) = scale
@@ -386,6 +393,7 @@ impl Motion {
         if let Some((middle, ..)) = offsets.get(offsets.len() / 2)
             && *middle > OFFSET_PX
             && found.findings.len() == before
+            && offsets.iter().filter(|o| o.2.explains()).count() * 2 > offsets.len()
             && let Some((largest, pair, residual)) = offsets.last()
         {
             let first = certain.first().map_or([0.0; 2], |(_, r)| r.offset);
@@ -446,12 +454,14 @@ impl Sums {
         self.pairs += 1;
         self.still += evidence.still;
         self.used += evidence.errors.iter().find(|(c, _)| *c == self.convention).map_or(evidence.still, |(_, e)| *e);
-        if self.errors.is_empty() {
+        if self.pairs == 1 {
             self.errors.clone_from(&evidence.errors);
             return;
         }
-        for (sum, (_, error)) in self.errors.iter_mut().zip(&evidence.errors) {
-            sum.1 += error;
+        // Only readings that are plausible in every pair.
+        self.errors.retain(|(c, _)| evidence.errors.iter().any(|(other, _)| other == c));
+        for (convention, sum) in &mut self.errors {
+            *sum += evidence.errors.iter().find(|(c, _)| c == convention).map_or(0.0, |(_, e)| *e);
         }
     }
 
@@ -559,6 +569,18 @@ fn missing(cameras: bool, several: bool, found: &mut Diagnosis) {
              or name it with --map motion=CHANNEL",
         ),
     );
+}
+
+/// True where a reading leaves most of the picture in sight: else it is wrong by half everywhere, which may be less than
+/// what vectors of twice the length are.
+fn plausible(convention: &MotionConvention, plane: &Plane<[f32; 2]>) -> bool {
+    let (mut sum, mut count) = (0.0, 0usize);
+    for v in plane.data().iter().filter(|v| v.iter().all(|v| v.is_finite())) {
+        let [x, y] = convention.offset(*v, plane.size());
+        sum += f64::from(x.hypot(y));
+        count += 1;
+    }
+    sum <= FARTHEST * plane.size().width as f64 * count as f64
 }
 
 fn in_force(adapter: &Adapter, role: Role, pair: usize) -> Option<MotionConvention> {

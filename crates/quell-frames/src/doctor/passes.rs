@@ -21,7 +21,10 @@ pub(super) fn names(mapping: &Mapping, options: &MapOptions, found: &mut Diagnos
         None => Aliases::built_in(),
     };
     let before = found.findings.len();
-    let mut explained = Vec::new();
+    // What the user has decided is no finding.
+    let decided = options.map.iter().filter_map(|wish| Role::from_name(wish.split_once('=')?.0));
+    let mut explained: Vec<Role> = decided.collect();
+    let asked = explained.len();
     if let Ok(aliases) = aliases {
         let known = aliases.names(&mapping.renderer.name);
         for other in &mapping.others {
@@ -64,7 +67,7 @@ pub(super) fn names(mapping: &Mapping, options: &MapOptions, found: &mut Diagnos
         found.findings.push(
             Finding::new("passes.missing", severity, format!("there is no {}", lacks.join(", no ")))
                 .evidence(
-                    format!("{} passes were found: {}", mapping.passes.len(), listed(mapping)),
+                    format!("passes that were found: {}", listed(mapping)),
                     vec![Figure::new("missing guides", lacks.len() as f64, "passes")],
                 )
                 .cure(
@@ -89,7 +92,7 @@ pub(super) fn names(mapping: &Mapping, options: &MapOptions, found: &mut Diagnos
     if found.findings.len() == before {
         found.pass("passes", format!("{} passes have a role: {}", mapping.passes.len(), listed(mapping)));
     }
-    explained
+    explained.split_off(asked)
 }
 
 fn listed(mapping: &Mapping) -> String {

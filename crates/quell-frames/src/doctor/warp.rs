@@ -17,6 +17,8 @@ const LEAST: usize = 300;
 const ROUNDS: usize = 8;
 /// An offset is known where its standard error is below this, in pixels.
 const CERTAIN_PX: f64 = 0.03;
+/// Offset and factor count where they leave less than this part of the differences.
+const EXPLAINED: f64 = 0.5;
 /// Least change of normal or colour over a pixel that tells a displacement.
 const LEAST_SLOPE: f32 = 0.01;
 
@@ -29,9 +31,16 @@ pub(super) struct Residual {
     pub offset_error: f64,
     pub scale: f64,
     pub scale_error: f64,
+    /// Median difference that is left, over that before.
+    pub left: f64,
 }
 
 impl Residual {
+    /// True where offset and factor account for what the vectors miss: noise in vectors makes a factor, too.
+    pub fn explains(&self) -> bool {
+        self.left < EXPLAINED
+    }
+
     pub fn certain(&self) -> bool {
         self.offset_error < CERTAIN_PX
     }
@@ -91,13 +100,14 @@ impl<'a> Warp<'a> {
             (Some(one), None) | (None, Some(one)) => one,
             (None, None) => both,
         };
-        let Fit { offset, scale, errors, .. } = chosen;
-        Some(Residual { offset, offset_error: errors[0].max(errors[1]), scale, scale_error: errors[2] })
+        let Fit { offset, scale, errors, spread, before, .. } = chosen;
+        let left = spread / before.max(1e-9);
+        Some(Residual { offset, offset_error: errors[0].max(errors[1]), scale, scale_error: errors[2], left })
     }
 
     fn fit(&self, motion: &Plane<[f32; 2]>, free: [bool; 3]) -> Option<Fit> {
         let mut fit = Fit { scale: 1.0, ..Fit::default() };
-        for _ in 0..ROUNDS {
+        for round in 0..ROUNDS {
             let equations = self.equations(motion, &fit);
             if equations.len() < LEAST {
                 return None;
@@ -134,6 +144,9 @@ impl<'a> Warp<'a> {
             }
             let variance = sum / f64::max(count, 1.0);
             fit.spread = spread;
+            if round == 0 {
+                fit.before = spread;
+            }
             fit.length = equations.iter().map(|e| e.vector[0].hypot(e.vector[1])).sum::<f64>() / equations.len() as f64;
             // Neighbouring pixels err together: as if a tenth of the equations were independent.
             fit.errors =
@@ -246,7 +259,9 @@ struct Fit {
     offset: [f64; 2],
     scale: f64,
     errors: [f64; 3],
+    /// Median difference at the end, and before anything was fitted.
     spread: f64,
+    before: f64,
     length: f64,
 }
 

@@ -359,6 +359,11 @@ fn vectors_that_are_wrong() {
     broken("noise", "motion.unexplained", Fault, |n, f| {
         f.each(&VECTOR, |i, _| (random(i, n as usize, 5) * 20.0 - 10.0) as f32)
     });
+    // Noise in vectors makes a factor in least squares; that is no wrong length.
+    let folder = Folder::new("doctor-noisy-vectors");
+    write(&folder, |n, f| f.each(&VECTOR, |i, v| v + (random(i, n as usize, 6) * 2.0 - 1.0) as f32));
+    let found = look(&folder.0);
+    assert!(!names(&found).contains(&"motion.scale"), "{}", told(&found));
     broken("none", "motion.missing", Fault, |_, f| {
         f.drop("Vector");
         f.drop("Position");
@@ -430,6 +435,16 @@ fn guides_that_are_stored_otherwise() {
         f.keep(&["Combined", "albedo", "Normal", "Depth", "Vector"]);
         f.each(&["ViewLayer.albedo.R"], |_, v| if v > 0.6 { v * 2.0 } else { v });
     });
+    // The user's word against it is the end of it.
+    let folder = Folder::new("doctor-albedo");
+    write(&folder, |_, f| {
+        f.rename("DiffCol", "albedo");
+        f.keep(&["Combined", "albedo", "Normal", "Depth", "Vector"]);
+        f.each(&["ViewLayer.albedo.R"], |_, v| if v > 0.6 { v * 2.0 } else { v });
+    });
+    let map = quell_frames::MapOptions { map: vec!["albedo=none".to_owned()], ..quell_frames::MapOptions::default() };
+    let found = look_with(&folder.0, DoctorOptions { map, ..DoctorOptions::default() });
+    assert!(found.findings.is_empty(), "{}", told(&found));
     broken("b44", "codec.lossy", Warning, |_, f| {
         // Only half floats are damaged by it.
         f.half = vec![".Normal".to_owned(), ".Vector".to_owned(), ".Position".to_owned(), ".Depth".to_owned()];
