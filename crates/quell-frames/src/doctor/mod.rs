@@ -418,7 +418,7 @@ fn warped(from: &Plane<Rgb>, motion: &Plane<[f32; 2]>) -> Plane<Rgb> {
 
 /// The guide that shows a surface's edges and texture best, as a colour.
 fn surfaces(look: &Look) -> Option<(&'static str, Plane<Rgb>)> {
-    if let Some(albedo) = &look.frame.albedo {
+    if let Some(albedo) = look.frame.albedo.as_ref().or(look.frame.seen_albedo.as_ref()) {
         return Some(("albedo", albedo.clone()));
     }
     if let Some(normal) = &look.frame.normal {

@@ -11,6 +11,9 @@ use std::collections::BTreeMap;
 
 /// The reading in force is wrong where another leaves less than this part of its difference...
 const MUCH_BETTER: f64 = 0.7;
+/// ... or where the one in force explains less than this part of what another explains (depth and normals alone change
+/// little over a wall, so much is left by any)...
+const GAIN: f64 = 0.5;
 /// ... and at least this much less (of 1: every pixel another surface).
 const LESS: f64 = 0.02;
 /// Vectors explain the motion where they leave less than this part of the difference without any.
@@ -305,7 +308,8 @@ impl Motion {
                 );
                 continue;
             }
-            if error < used * MUCH_BETTER && used - error > LESS && error <= still * GOOD {
+            let gains = still - used < GAIN * (still - error);
+            if (error < used * MUCH_BETTER || gains) && used - error > LESS && error <= still * GOOD {
                 let new = wrong_reading(mapping, &name, which, sums, (used, error, still), best);
                 match found.findings.iter_mut().find(|f| f.check == new.check && f.channel == new.channel) {
                     // Blender's second pair of numbers, wrong in the same way.
@@ -599,7 +603,8 @@ fn guides<'a>(look: &'a Look, vectors: &'a Plane<[f32; 2]>) -> MotionGuides<'a> 
         position: look.frame.position.as_ref(),
         depth: look.frame.depth.as_ref(),
         normal: look.frame.normal.as_ref(),
-        albedo: look.frame.albedo.as_ref(),
+        // What glass and mirrors show moves otherwise, but on all else it is the surface's colour.
+        albedo: look.frame.albedo.as_ref().or(look.frame.seen_albedo.as_ref()),
     }
 }
 

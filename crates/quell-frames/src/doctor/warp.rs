@@ -19,6 +19,8 @@ const ROUNDS: usize = 8;
 const CERTAIN_PX: f64 = 0.03;
 /// Offset and factor count where they leave less than this part of the differences.
 const EXPLAINED: f64 = 0.5;
+/// The same of normals and colours, whose own noise stays.
+const EXPLAINED_NOISY: f64 = 0.9;
 /// Least change of normal or colour over a pixel that tells a displacement.
 const LEAST_SLOPE: f32 = 0.01;
 
@@ -33,12 +35,14 @@ pub(super) struct Residual {
     pub scale_error: f64,
     /// Median difference that is left, over that before.
     pub left: f64,
+    /// World positions were compared.
+    pub positions: bool,
 }
 
 impl Residual {
     /// True where offset and factor account for what the vectors miss: noise in vectors makes a factor, too.
     pub fn explains(&self) -> bool {
-        self.left < EXPLAINED
+        self.left < if self.positions { EXPLAINED } else { EXPLAINED_NOISY }
     }
 
     pub fn certain(&self) -> bool {
@@ -76,7 +80,8 @@ impl<'a> Warp<'a> {
         if let (Some(a), Some(b)) = (&earlier.position, &later.position) {
             kinds.push(Kind::Position(a, b));
         } else {
-            for (a, b) in [(&earlier.normal, &later.normal), (&earlier.albedo, &later.albedo)] {
+            let colour = |f: &'a SequenceFrame| f.albedo.as_ref().or(f.seen_albedo.as_ref());
+            for (a, b) in [(earlier.normal.as_ref(), later.normal.as_ref()), (colour(earlier), colour(later))] {
                 if let (Some(a), Some(b)) = (a, b) {
                     kinds.push(Kind::Other(a, b));
                 }
@@ -102,7 +107,15 @@ impl<'a> Warp<'a> {
         };
         let Fit { offset, scale, errors, spread, before, .. } = chosen;
         let left = spread / before.max(1e-9);
-        Some(Residual { offset, offset_error: errors[0].max(errors[1]), scale, scale_error: errors[2], left })
+        let positions = self.kinds.iter().any(|kind| matches!(kind, Kind::Position(..)));
+        Some(Residual {
+            offset,
+            offset_error: errors[0].max(errors[1]),
+            scale,
+            scale_error: errors[2],
+            left,
+            positions,
+        })
     }
 
     fn fit(&self, motion: &Plane<[f32; 2]>, free: [bool; 3]) -> Option<Fit> {

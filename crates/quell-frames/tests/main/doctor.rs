@@ -351,6 +351,10 @@ fn vectors_that_are_wrong() {
         let measured = found.findings[0].figures[0].value;
         assert!((measured * f64::from(factor) - 1.0).abs() < 0.03, "{measured} for {factor}");
     }
+    broken("scale-blind", "motion.scale", Fault, |_, f| {
+        f.each(&VECTOR, |_, v| v * 0.8);
+        f.drop("Position");
+    });
     broken("zero", "motion.zero", Warning, |_, f| f.each(&VECTOR, |_, _| 0.0));
     broken("zero-blind", "motion.zero", Fault, |_, f| {
         f.each(&VECTOR, |_, _| 0.0);
