@@ -36,6 +36,7 @@
 //! | [`denoiser`] | the public face: [`Denoiser`], [`Output`] |
 //! | [`mod@reference`] | the back end that is the specification |
 //! | `cpu` | the fast back end (feature `cpu`) |
+//! | `gpu` | single stages on the caller's wgpu device (feature `gpu`): no denoiser yet |
 
 pub mod border;
 pub mod camera;
@@ -44,6 +45,8 @@ mod cpu;
 pub mod denoiser;
 pub mod error;
 pub mod frame;
+#[cfg(feature = "gpu")]
+pub mod gpu;
 pub mod history;
 pub mod kernels;
 mod memory;

@@ -5,6 +5,8 @@ mod suite {
     mod agreement;
     mod contract;
     mod frames;
+    #[cfg(feature = "gpu-tests")]
+    mod gpu;
     mod invariants;
     mod sequence;
 }

@@ -116,7 +116,7 @@ pub fn virtual_coordinate(
 
 /// A bent reflector's image is not looked for farther than this from the surface's own place, pixels at 720 rows: one
 /// step of Newton's method does not reach farther, and bumps would send it anywhere.
-pub(super) const FARTHEST_BENT_PX: f32 = 32.0;
+pub(crate) const FARTHEST_BENT_PX: f32 = 32.0;
 /// Least squared sine of the angle between the two directions in which the reflected ray turns.
 pub(super) const LEAST_BENT_DETERMINANT: f32 = 1e-4;
 

@@ -1,0 +1,94 @@
+// Twin of camera.rs (`Projection`). Positions are relative to this frame's eye: f32 has to hold them.
+
+// The map between pixels and the world for one camera.
+struct View {
+    // Position of view depth 0 for pixel coordinate (u, v), relative to the view's own eye: [0] + u [1] + v [2].
+    origin: array<vec3f, 3>,
+    // Displacement of one unit of view depth, likewise.
+    direction: array<vec3f, 3>,
+    // Homogeneous pixel coordinate of a point relative to the view's own eye: xyz . X + w each.
+    u: vec4f,
+    v: vec4f,
+    w: vec4f,
+    // Unit viewing direction.
+    forward: vec3f,
+    // Focal length in pixels; orthographic: pixels a unit of length.
+    focal_px: f32,
+    // The view's eye relative to this frame's eye.
+    eye: vec3f,
+    // 0: orthographic.
+    perspective: u32,
+}
+
+struct Frame {
+    // This frame's camera.
+    view: View,
+    // The camera of the frame before, as this frame tells it: for the motion of what does not move by itself.
+    previous_view: View,
+    // The camera of the frame before, as that frame told it: for the places of its pixels.
+    before_view: View,
+    // Sample positions relative to pixel centres: of this frame, and of the one before.
+    jitter: vec2f,
+    before_jitter: vec2f,
+    size: vec2u,
+    has_history: u32,
+    has_glossy_hit: u32,
+    has_roughness: u32,
+}
+
+// A place in an image, where there is one.
+struct Place {
+    coordinate: vec2f,
+    found: bool,
+}
+
+fn ray_origin(view: View, pixel: vec2f) -> vec3f {
+    return view.origin[0] + view.origin[1] * pixel.x + view.origin[2] * pixel.y;
+}
+
+// Ray direction scaled to one unit of view depth.
+fn ray_direction(view: View, pixel: vec2f) -> vec3f {
+    return view.direction[0] + view.direction[1] * pixel.x + view.direction[2] * pixel.y;
+}
+
+// Position of a pixel coordinate and a finite view depth.
+fn world(view: View, pixel: vec2f, view_depth: f32) -> vec3f {
+    return view.eye + (ray_origin(view, pixel) + ray_direction(view, pixel) * view_depth);
+}
+
+fn place_of(homogeneous: vec3f) -> Place {
+    if !(homogeneous.z > 0.0) {
+        return Place(vec2f(0.0), false);
+    }
+    return Place(homogeneous.xy / homogeneous.z, true);
+}
+
+// Pixel coordinate of a position; none behind the eye.
+fn pixel_of(view: View, position: vec3f) -> Place {
+    let p = vec4f(position - view.eye, 1.0);
+    return place_of(vec3f(dot(view.u, p), dot(view.v, p), dot(view.w, p)));
+}
+
+// Pixel coordinate in which a direction is seen (a point at infinity); none behind the eye.
+fn pixel_of_direction(view: View, direction: vec3f) -> Place {
+    let d = vec4f(direction, 0.0);
+    return place_of(vec3f(dot(view.u, d), dot(view.v, d), dot(view.w, d)));
+}
+
+// View depth of a position.
+fn view_depth_of(view: View, position: vec3f) -> f32 {
+    return dot(position - view.eye, view.forward);
+}
+
+// Size of a pixel at a view depth, in world units.
+fn pixel_size_at(view: View, view_depth: f32) -> f32 {
+    return select(1.0, view_depth, view.perspective != 0u) / view.focal_px;
+}
+
+fn contains(pixel: vec2i) -> bool {
+    return all(pixel >= vec2i(0)) && all(pixel < vec2i(frame.size));
+}
+
+fn index_of(pixel: vec2i) -> u32 {
+    return u32(pixel.y) * frame.size.x + u32(pixel.x);
+}

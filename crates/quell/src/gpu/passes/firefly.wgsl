@@ -1,0 +1,16 @@
+// Stage 6, one pixel an invocation.
+@group(0) @binding(2) var<storage, read> guides: array<Guide>;
+@group(0) @binding(3) var<storage, read> input: array<vec4f>;
+@group(0) @binding(4) var<storage, read_write> output: array<vec4f>;
+
+fn firefly_input(i: u32) -> vec3f {
+    return input[i].xyz;
+}
+
+@compute @workgroup_size(8, 8)
+fn suppress(@builtin(global_invocation_id) id: vec3u) {
+    let pixel = vec2i(id.xy);
+    if contains(pixel) {
+        output[index_of(pixel)] = vec4f(firefly(pixel), 0.0);
+    }
+}

@@ -1,0 +1,331 @@
+//! What every pass is told: the frame's cameras, and the settings. Twins of `frame.wgsl` and `settings.wgsl`.
+
+use super::guides::{Guide, SpiralTap};
+use super::uniform::{Uniform, Value, uniforms};
+use crate::border::Guides;
+use crate::camera::Projection;
+use crate::kernels::mirror_image::FARTHEST_BENT_PX;
+use crate::plane::Size;
+use crate::settings::{
+    Clip, GlossyRadius, HitFilter, Median, OffScreen, REFERENCE_ROWS, Rejection, Settings, Surface as SurfaceSettings,
+};
+use crate::stages::glossy_bilateral::KernelSize;
+use glam::{DVec3, UVec2, Vec2, Vec3, Vec4};
+
+uniforms! {
+    /// `Projection` for the GPU: relative to an eye, because f32 has to hold it.
+    View as "View" {
+        origin: [Vec3; 3],
+        direction: [Vec3; 3],
+        u: Vec4,
+        v: Vec4,
+        w: Vec4,
+        forward: Vec3,
+        focal_px: f32,
+        eye: Vec3,
+        perspective: u32,
+    }
+
+    /// One frame's cameras and extent.
+    pub FrameUniforms as "Frame" {
+        view: View,
+        previous_view: View,
+        before_view: View,
+        jitter: Vec2,
+        before_jitter: Vec2,
+        size: UVec2,
+        has_history: u32,
+        has_glossy_hit: u32,
+        has_roughness: u32,
+    }
+
+    Surface as "SurfaceSettings" {
+        rejection: u32,
+        plane_distance: f32,
+        pixel_distance: f32,
+        point_distance: f32,
+        falloff: f32,
+        normal_min: f32,
+        static_motion: f32,
+        moving_depth: f32,
+        guard_band: f32,
+    }
+
+    Blend as "Blend" {
+        alpha: f32,
+        ramp: u32,
+        clip: u32,
+        clip_radius: u32,
+        clip_gamma: f32,
+        confidence_frames: f32,
+    }
+
+    EdgeStops as "EdgeStops" {
+        depth: f32,
+        normal: f32,
+        plane: f32,
+        gloss: f32,
+    }
+
+    Spiral as "SpiralSettings" {
+        taps: u32,
+        mirror: u32,
+    }
+
+    Disocclusion as "DisocclusionSettings" {
+        radius: u32,
+        blur: u32,
+        floor: f32,
+        feedback_floor: f32,
+    }
+
+    Firefly as "FireflySettings" {
+        luminance: u32,
+        threshold: f32,
+        plain: u32,
+    }
+
+    Mirror as "MirrorSettings" {
+        virtual_reprojection: u32,
+        hit_filter: u32,
+        curvature: u32,
+        max_hit_distance: f32,
+        reflector_normal_min: f32,
+        reflector_roughness: f32,
+        farthest_bent_px: f32,
+    }
+
+    GlossyBilateral as "GlossyBilateralSettings" {
+        radius: u32,
+        curvature: u32,
+        monotone: u32,
+        step_px: u32,
+        reach: u32,
+        max_radius_px: f32,
+        constant_radius_px: f32,
+        min_radius: f32,
+        sigma: f32,
+    }
+
+    DirectTaa as "DirectTaaSettings" {
+        history: f32,
+        falloff_px: f32,
+        clamp_falloff: f32,
+    }
+
+    Composite as "CompositeSettings" {
+        matte: u32,
+        glossy: u32,
+        direct_matte: u32,
+        direct_glossy: u32,
+    }
+
+    /// The settings of all stages, lengths in pixels of one image size.
+    pub SettingsUniforms as "Settings" {
+        surface: Surface,
+        matte_blend: Blend,
+        glossy_blend: Blend,
+        matte_edge: EdgeStops,
+        glossy_edge: EdgeStops,
+        matte_prefilter: Spiral,
+        matte_bilateral: Spiral,
+        disocclusion: Disocclusion,
+        firefly: Firefly,
+        mirror: Mirror,
+        glossy_bilateral: GlossyBilateral,
+        direct_taa: DirectTaa,
+        composite: Composite,
+    }
+}
+
+/// The layout of every struct that shaders read.
+pub fn layouts() -> Vec<Uniform> {
+    vec![
+        View::layout(),
+        FrameUniforms::layout(),
+        Guide::layout(),
+        SpiralTap::layout(),
+        Surface::layout(),
+        Blend::layout(),
+        EdgeStops::layout(),
+        Spiral::layout(),
+        Disocclusion::layout(),
+        Firefly::layout(),
+        Mirror::layout(),
+        GlossyBilateral::layout(),
+        DirectTaa::layout(),
+        Composite::layout(),
+        SettingsUniforms::layout(),
+    ]
+}
+
+impl View {
+    /// `eye`: the eye of the frame whose shader reads it.
+    fn new(projection: &Projection, eye: Vec3) -> Self {
+        let own = projection.eye.as_dvec3();
+        // For points relative to the view's own eye: a . (X - e) + (a . e + b), in f64, where the second term cancels.
+        let row = |(a, b): (DVec3, f64)| a.extend(a.dot(own) + b).as_vec4();
+        Self {
+            origin: [projection.origin[0] - projection.eye, projection.origin[1], projection.origin[2]],
+            direction: projection.direction,
+            u: row(projection.u),
+            v: row(projection.v),
+            w: row(projection.w),
+            forward: projection.forward,
+            focal_px: projection.focal_px,
+            eye: (own - eye.as_dvec3()).as_vec3(),
+            perspective: u32::from(projection.perspective),
+        }
+    }
+}
+
+impl FrameUniforms {
+    /// Of a frame and the one before; `None`: there is no history.
+    pub fn new(now: &Guides, before: Option<&Guides>) -> Self {
+        let eye = now.view.eye;
+        let before_or_now = before.unwrap_or(now);
+        Self {
+            view: View::new(&now.view, eye),
+            previous_view: View::new(&now.previous_view, eye),
+            before_view: View::new(&before_or_now.view, eye),
+            jitter: now.jitter,
+            before_jitter: before_or_now.jitter,
+            size: UVec2::new(now.size.width as u32, now.size.height as u32),
+            has_history: u32::from(before.is_some()),
+            has_glossy_hit: u32::from(now.has_glossy_hit),
+            has_roughness: u32::from(now.has_roughness),
+        }
+    }
+
+    /// What the uniform buffer holds.
+    pub fn bytes(&self) -> Vec<u8> {
+        bytes(self)
+    }
+}
+
+impl SettingsUniforms {
+    /// For images of `size`. The composite adds matte and glossy light; see [`SettingsUniforms::with_terms`].
+    pub fn new(settings: &Settings, size: Size) -> Self {
+        let s = settings;
+        let off_screen = |o: OffScreen| u32::from(o == OffScreen::Mirror);
+        let rows = size.height as f32;
+        let kernel = KernelSize::new(&s.glossy_bilateral, size.height);
+        let edge = |gloss| EdgeStops { depth: s.edge.depth, normal: s.edge.normal, plane: s.edge.plane, gloss };
+        Self {
+            surface: surface(&s.surface),
+            matte_blend: Blend {
+                alpha: s.matte_temporal.alpha,
+                ramp: u32::from(s.matte_temporal.ramp),
+                clip: clip(s.matte_temporal.clip),
+                clip_radius: s.matte_temporal.clip_radius,
+                clip_gamma: s.matte_temporal.clip_gamma,
+                confidence_frames: s.surface.confidence_frames,
+            },
+            glossy_blend: Blend {
+                alpha: s.glossy_temporal.alpha,
+                ramp: u32::from(s.glossy_temporal.ramp),
+                clip: clip(s.glossy_temporal.clip),
+                clip_radius: s.glossy_temporal.clip_radius,
+                clip_gamma: s.glossy_temporal.clip_gamma,
+                confidence_frames: s.surface.confidence_frames,
+            },
+            matte_edge: edge(s.edge.matte_gloss),
+            glossy_edge: edge(s.edge.glossy_gloss),
+            matte_prefilter: Spiral { taps: s.matte_prefilter.taps, mirror: off_screen(s.matte_prefilter.off_screen) },
+            matte_bilateral: Spiral { taps: s.matte_bilateral.taps, mirror: off_screen(s.matte_bilateral.off_screen) },
+            disocclusion: Disocclusion {
+                radius: s.disocclusion.radius,
+                blur: s.disocclusion.blur,
+                floor: s.disocclusion.floor,
+                feedback_floor: s.disocclusion.feedback_floor,
+            },
+            firefly: Firefly {
+                luminance: u32::from(s.firefly.median == Median::Luminance),
+                threshold: s.firefly.threshold,
+                plain: u32::from(s.firefly.plain),
+            },
+            mirror: Mirror {
+                virtual_reprojection: u32::from(s.glossy_temporal.virtual_reprojection),
+                hit_filter: match s.glossy_temporal.hit_filter {
+                    HitFilter::Off => 0,
+                    HitFilter::Min => 1,
+                    HitFilter::Median => 2,
+                },
+                curvature: u32::from(s.glossy_temporal.curvature),
+                max_hit_distance: s.glossy_temporal.max_hit_distance,
+                reflector_normal_min: s.glossy_temporal.reflector_normal_min,
+                reflector_roughness: s.glossy_temporal.reflector_roughness,
+                farthest_bent_px: FARTHEST_BENT_PX * rows / REFERENCE_ROWS,
+            },
+            glossy_bilateral: GlossyBilateral {
+                radius: match s.glossy_bilateral.radius {
+                    GlossyRadius::Footprint => 0,
+                    GlossyRadius::Constant => 1,
+                },
+                curvature: u32::from(s.glossy_bilateral.curvature),
+                monotone: u32::from(s.edge.monotone),
+                step_px: kernel.step_px as u32,
+                reach: kernel.reach as u32,
+                max_radius_px: kernel.max_radius_px,
+                constant_radius_px: kernel.constant_radius_px,
+                min_radius: s.glossy_bilateral.min_radius,
+                sigma: s.glossy_bilateral.sigma,
+            },
+            direct_taa: DirectTaa {
+                history: s.direct_taa.history,
+                falloff_px: s.direct_taa.motion_falloff * rows / REFERENCE_ROWS,
+                clamp_falloff: s.direct_taa.clamp_falloff,
+            },
+            composite: Composite { matte: 1, glossy: 1, direct_matte: 0, direct_glossy: 0 },
+        }
+    }
+
+    /// Which terms the composite adds to direct light: matte, glossy, noisy direct light of each.
+    #[must_use]
+    pub fn with_terms(self, matte: bool, glossy: bool, direct_matte: bool, direct_glossy: bool) -> Self {
+        let composite = Composite {
+            matte: u32::from(matte),
+            glossy: u32::from(glossy),
+            direct_matte: u32::from(direct_matte),
+            direct_glossy: u32::from(direct_glossy),
+        };
+        Self { composite, ..self }
+    }
+
+    /// What the uniform buffer holds.
+    pub fn bytes(&self) -> Vec<u8> {
+        bytes(self)
+    }
+}
+
+fn surface(s: &SurfaceSettings) -> Surface {
+    Surface {
+        rejection: match s.rejection {
+            Rejection::Off => 0,
+            Rejection::Plane => 1,
+            Rejection::Point => 2,
+        },
+        plane_distance: s.plane_distance,
+        pixel_distance: s.pixel_distance,
+        point_distance: s.point_distance,
+        falloff: s.falloff,
+        normal_min: s.normal_min,
+        static_motion: s.static_motion,
+        moving_depth: s.moving_depth,
+        guard_band: s.guard_band,
+    }
+}
+
+fn clip(clip: Clip) -> u32 {
+    match clip {
+        Clip::Off => 0,
+        Clip::Box => 1,
+        Clip::Sigma => 2,
+    }
+}
+
+fn bytes(value: &impl Value) -> Vec<u8> {
+    let mut out = Vec::new();
+    value.write(&mut out);
+    out
+}

@@ -1,0 +1,222 @@
+// Twin of mirror_image.rs: where the mirror image of a glossy surface was in the previous frame, and which of the four
+// pixels there still show the same reflector.
+
+// Normals that differ by less (length of the difference) are the same up to rounding.
+const SAME_NORMAL: f32 = 1e-5;
+// Planes apart by less, in sizes of a pixel, are the same up to rounding.
+const SAME_PLANE_PX: f32 = 0.01;
+// Least squared sine of the angle between the two directions in which the reflected ray turns.
+const LEAST_BENT_DETERMINANT: f32 = 1e-4;
+
+// The unit vector along `v`; 0 where it has no length.
+fn normalize_or_zero(v: vec3f) -> vec3f {
+    let squared = dot(v, v);
+    if squared > 0.0 {
+        return v / sqrt(squared);
+    }
+    return vec3f(0.0);
+}
+
+// `v` mirrored in the plane through the origin with this normal.
+fn mirrored_in(v: vec3f, normal: vec3f) -> vec3f {
+    return v - 2.0 * dot(v, normal) * normal;
+}
+
+// Step 6b, glossy: the footprint at a virtual coordinate, each pixel tested for the same reflector. Never by point
+// distance: there the previous surface is another point of the mirror.
+fn reflector_lookup(expected: Expected, coordinate: vec2f, pixel: vec2i) -> Lookup {
+    if !on_screen(coordinate) {
+        return no_lookup();
+    }
+    let own = guides[index_of(pixel)];
+    let rejection = select(REJECTION_PLANE, REJECTION_OFF, settings.surface.rejection == REJECTION_OFF);
+    let footprint = footprint_of(coordinate);
+    var trusts = array(0.0, 0.0, 0.0, 0.0);
+    for (var k = 0; k < 4; k++) {
+        let q = footprint_pixel(footprint, k);
+        if !contains(q) {
+            continue;
+        }
+        let there = guides_before[index_of(q)];
+        if there.depth == BACKGROUND
+            || there.id != own.id
+            || abs(there.roughness - own.roughness) > settings.mirror.reflector_roughness
+            || dot(there.normal, expected.normal) < settings.mirror.reflector_normal_min {
+            continue;
+        }
+        trusts[k] = distance_trust(expected, q, rejection);
+    }
+    return lookup_of(footprint, trusts);
+}
+
+fn lookup_pixel(index: u32) -> vec2i {
+    return vec2i(i32(index % frame.size.x), i32(index / frame.size.x));
+}
+
+// The reflector at a pixel as the four pixels at its old place show it: `visible` is their lookup.
+//
+// A mirror that turns hardly moves its own points, but moves its image twice as fast: motion alone cannot tell that
+// it rests. It counts as resting where its normal changed by no more than it varies between the four pixels, and its
+// plane did not shift; then `expected` stays as it is. Else it becomes their mean position and normal.
+fn previous_reflector(expected: Expected, visible: Lookup, pixel: vec2i) -> Expected {
+    var taps = visible;
+    var position = vec3f(0.0);
+    var sum = vec3f(0.0);
+    for (var k = 0; k < 4; k++) {
+        if taps.weight[k] > 0.0 {
+            position += taps.weight[k] * world_before(lookup_pixel(taps.index[k]));
+            sum += taps.weight[k] * guides_before[taps.index[k]].normal;
+        }
+    }
+    let normal = normalize_or_zero(sum);
+    var spread = 0.0;
+    for (var k = 0; k < 4; k++) {
+        if taps.weight[k] > 0.0 {
+            spread = max(spread, length(guides_before[taps.index[k]].normal - normal));
+        }
+    }
+    let turned = length(guides[index_of(pixel)].normal - normal) > spread + SAME_NORMAL;
+    let shift = abs(dot(world_of(pixel) - position, normal));
+    let shifted = shift > SAME_PLANE_PX * pixel_size_at(frame.view, expected.view_depth);
+    var before = expected;
+    if expected.moved || turned || shifted {
+        before.position = position;
+        before.normal = normal;
+        before.moved = true;
+    }
+    return before;
+}
+
+// Step 2, glossy: where the mirror image at a pixel was. `hit_distance` as filtered by `filtered_hit`.
+//
+// A plane mirror's image lies behind the surface, on the eye ray, as far as the hit point lies before it. Where the
+// reflector moved by itself, the hit point is mirrored in the plane that it had before.
+fn virtual_coordinate(expected: Expected, hit_distance: f32, pixel: vec2i) -> Place {
+    let position = world_of(pixel);
+    let eye_ray = normalize_or_zero(ray_direction(frame.view, sample_position(pixel)));
+    let is_finite = hit_distance < FAR;
+    let distance = min(hit_distance, settings.mirror.max_hit_distance * expected.view_depth);
+    var before: Place;
+    if !expected.moved {
+        if is_finite {
+            before = pixel_of(frame.previous_view, position + eye_ray * distance);
+        } else {
+            before = pixel_of_direction(frame.previous_view, eye_ray);
+        }
+    } else {
+        let reflected = mirrored_in(eye_ray, guides[index_of(pixel)].normal);
+        if is_finite {
+            let hit = position + reflected * distance;
+            let mirrored = hit - 2.0 * dot(hit - expected.position, expected.normal) * expected.normal;
+            before = pixel_of(frame.previous_view, mirrored);
+        } else {
+            before = pixel_of_direction(frame.previous_view, mirrored_in(reflected, expected.normal));
+        }
+    }
+    // Unjittered previous pixel = projection; the footprint is addressed from pixel centres, as motion is.
+    before.coordinate -= frame.jitter;
+    return before;
+}
+
+// By how much the reflected previous eye ray of one pixel misses the hit point.
+fn bent_miss(index: u32, hit: vec3f, is_finite: bool, reflected: vec3f) -> vec3f {
+    let q = lookup_pixel(index);
+    let ray = normalize_or_zero(ray_direction(frame.before_view, sample_position_before(q)));
+    let away = mirrored_in(ray, guides_before[index].normal);
+    let wanted = select(reflected, normalize_or_zero(hit - world_before(q)), is_finite);
+    return wanted - away;
+}
+
+// Step 2, glossy, on a curved reflector: the place in the previous image whose surface reflected the same hit point
+// into the eye. None where the four pixels at the surface's old place (`visible`) have one normal: plane.
+//
+// At each of the four the reflected previous eye ray misses the hit point by some angle; that miss is taken as linear
+// in the place, and its zero is the answer: one step of Newton's method, which knows both curvatures, and motion of
+// reflector and camera. Where it fails (silhouettes, focus, bumps) it is the surface's own place.
+fn bent_coordinate(expected: Expected, visible: Lookup, hit_distance: f32, pixel: vec2i) -> Place {
+    var taps = visible;
+    var first = -1;
+    var all_seen = true;
+    var is_plane = true;
+    for (var k = 0; k < 4; k++) {
+        if !(taps.weight[k] > 0.0) {
+            all_seen = false;
+            continue;
+        }
+        if first < 0 {
+            first = k;
+        }
+        let change = guides_before[taps.index[k]].normal - guides_before[taps.index[first]].normal;
+        is_plane = is_plane && length(change) <= SAME_NORMAL;
+    }
+    if first < 0 || is_plane {
+        return Place(vec2f(0.0), false);
+    }
+    let surface = expected.coordinate;
+    if !all_seen {
+        return Place(surface, true);
+    }
+    let eye_ray = normalize_or_zero(ray_direction(frame.view, sample_position(pixel)));
+    let reflected = mirrored_in(eye_ray, guides[index_of(pixel)].normal);
+    let is_finite = hit_distance < FAR;
+    let hit = world_of(pixel) + reflected * select(0.0, hit_distance, is_finite);
+    let f0 = bent_miss(taps.index[0], hit, is_finite, reflected);
+    let f1 = bent_miss(taps.index[1], hit, is_finite, reflected);
+    let f2 = bent_miss(taps.index[2], hit, is_finite, reflected);
+    let f3 = bent_miss(taps.index[3], hit, is_finite, reflected);
+    let middle = 0.25 * ((f0 + f1) + (f2 + f3));
+    let du = 0.5 * ((f1 - f0) + (f3 - f2));
+    let dv = 0.5 * ((f2 - f0) + (f3 - f1));
+    let a = dot(du, du);
+    let b = dot(du, dv);
+    let c = dot(dv, dv);
+    let p = dot(du, middle);
+    let q = dot(dv, middle);
+    let determinant = a * c - b * b;
+    if !(determinant > LEAST_BENT_DETERMINANT * a * c) {
+        return Place(surface, true);
+    }
+    let newton = vec2f(b * q - c * p, b * p - a * q) / determinant;
+    let place = floor(surface - 0.5) + 1.0 + newton;
+    let good = length(place - surface) <= settings.mirror.farthest_bent_px;
+    return Place(select(surface, place, good), true);
+}
+
+// The glossy hit distance of a pixel after the 3x3 filter over the same reflector.
+fn filtered_hit(pixel: vec2i) -> f32 {
+    let own = guides[index_of(pixel)];
+    if settings.mirror.hit_filter == HIT_FILTER_OFF {
+        return own.glossy_hit;
+    }
+    var values: array<f32, 9>;
+    var count = 0u;
+    var least = own.glossy_hit;
+    for (var k = 0; k < 9; k++) {
+        let q = pixel + vec2i(k % 3, k / 3) - 1;
+        if contains(q) {
+            let guide = guides[index_of(q)];
+            if guide.id == own.id && guide.depth != BACKGROUND {
+                values[count] = guide.glossy_hit;
+                count++;
+                least = min(least, guide.glossy_hit);
+            }
+        }
+    }
+    if settings.mirror.hit_filter == HIT_FILTER_MIN {
+        return least;
+    }
+    // The value whose rank is the middle.
+    let middle = count / 2u;
+    for (var i = 0u; i < count; i++) {
+        var below = 0u;
+        var equal = 0u;
+        for (var j = 0u; j < count; j++) {
+            below += select(0u, 1u, values[j] < values[i]);
+            equal += select(0u, 1u, values[j] == values[i]);
+        }
+        if below <= middle && middle < below + equal {
+            return values[i];
+        }
+    }
+    return own.glossy_hit;
+}

@@ -1,0 +1,181 @@
+// Twin of reproject.rs: where a surface was in the previous frame, and which of the four pixels there still show it.
+//
+// The pass supplies the arrays `guides` and `guides_before`.
+
+// The surface that history must show: where it was, as far as motion tells.
+struct Expected {
+    // Its place in the previous image, continuous pixel coordinate.
+    coordinate: vec2f,
+    // A point of it, at the previous frame's time.
+    position: vec3f,
+    // Its normal at that time.
+    normal: vec3f,
+    // View depth now: the scale of distances.
+    view_depth: f32,
+    // It moved by itself.
+    moved: bool,
+    // False: background, unknown motion, off screen, or a moving surface of which the previous image has no trace.
+    found: bool,
+}
+
+// Up to four pixels of the previous image with weights that add up to 1, and how far they are to be trusted.
+struct Lookup {
+    // Linear pixel indices, row-major.
+    index: array<u32, 4>,
+    // Weights; 0 for pixels that show something else.
+    weight: array<f32, 4>,
+    // rho, 0..1; 0: there is no history.
+    trust: f32,
+}
+
+// Weights under this share of the bilinear footprint are no evidence: rounding of a coordinate.
+const LEAST_FOOTPRINT: f32 = 1e-3;
+
+fn no_lookup() -> Lookup {
+    return Lookup(array(0u, 0u, 0u, 0u), array(0.0, 0.0, 0.0, 0.0), 0.0);
+}
+
+// Position of a pixel of the previous image, whose depth must be finite.
+fn world_before(pixel: vec2i) -> vec3f {
+    let depth = guides_before[index_of(pixel)].depth;
+    return world(frame.before_view, sample_position_before(pixel), depth);
+}
+
+fn sample_position_before(pixel: vec2i) -> vec2f {
+    return vec2f(pixel) + 0.5 + frame.before_jitter;
+}
+
+fn on_screen(coordinate: vec2f) -> bool {
+    let guard = settings.surface.guard_band;
+    return all(coordinate >= vec2f(guard)) && all(coordinate <= vec2f(frame.size) - guard);
+}
+
+// The bilinear footprint: first pixel, and the weight of each of the four.
+struct Footprint {
+    first: vec2i,
+    weight: array<f32, 4>,
+}
+
+fn footprint_of(coordinate: vec2f) -> Footprint {
+    let corner = coordinate - 0.5;
+    let base = floor(corner);
+    let t = corner - base;
+    return Footprint(
+        vec2i(base),
+        array((1.0 - t.x) * (1.0 - t.y), t.x * (1.0 - t.y), (1.0 - t.x) * t.y, t.x * t.y),
+    );
+}
+
+fn footprint_pixel(footprint: Footprint, k: i32) -> vec2i {
+    return footprint.first + vec2i(k & 1, k >> 1u);
+}
+
+// Step 1 and 6, matte: the surface at a pixel, where it was.
+fn expected_surface(pixel: vec2i) -> Expected {
+    let own = guides[index_of(pixel)];
+    var expected = Expected(vec2f(0.0), vec3f(0.0), own.normal, own.depth, false, false);
+    expected.coordinate = vec2f(pixel) + 0.5 + own.motion;
+    if own.depth == BACKGROUND || !on_screen(expected.coordinate) {
+        return expected;
+    }
+    expected.position = world_of(pixel);
+    let by_camera = pixel_of(frame.previous_view, expected.position);
+    let difference = by_camera.coordinate - sample_position(pixel) - own.motion;
+    expected.moved = !by_camera.found || length(difference) > settings.surface.static_motion;
+    if !expected.moved {
+        expected.found = true;
+        return expected;
+    }
+    // Motion tells the pixel but not the depth: the nearest previous pixel of the same object anchors the plane.
+    let footprint = footprint_of(expected.coordinate);
+    var weights = footprint.weight;
+    var best = -1.0;
+    var nearest = vec2i(0);
+    for (var k = 0; k < 4; k++) {
+        let q = footprint_pixel(footprint, k);
+        if contains(q) {
+            let there = guides_before[index_of(q)];
+            if there.depth != BACKGROUND && there.id == own.id && weights[k] >= best {
+                best = weights[k];
+                nearest = q;
+            }
+        }
+    }
+    if best < 0.0 {
+        return expected;
+    }
+    let anchor = world_before(nearest);
+    let travelled =
+        abs(view_depth_of(frame.previous_view, anchor) - view_depth_of(frame.previous_view, expected.position));
+    if travelled > settings.surface.moving_depth * own.depth {
+        return expected;
+    }
+    expected.position = anchor;
+    expected.normal = guides_before[index_of(nearest)].normal;
+    expected.found = true;
+    return expected;
+}
+
+fn distance_trust(expected: Expected, q: vec2i, rejection: u32) -> f32 {
+    let surface = settings.surface;
+    if rejection == REJECTION_OFF {
+        return 1.0;
+    }
+    let offset = world_before(q) - expected.position;
+    var distance = length(offset);
+    var begin = surface.point_distance * expected.view_depth;
+    if rejection == REJECTION_PLANE {
+        distance = abs(dot(offset, expected.normal));
+        begin = max(
+            surface.plane_distance * expected.view_depth,
+            surface.pixel_distance * pixel_size_at(frame.view, expected.view_depth),
+        );
+    }
+    return 1.0 - hermite_step(begin, surface.falloff * begin, distance);
+}
+
+// The lookup of a footprint whose pixels are trusted so far.
+fn lookup_of(footprint: Footprint, trusts: array<f32, 4>) -> Lookup {
+    var found = no_lookup();
+    var weights = footprint.weight;
+    var trust_of = trusts;
+    var total = 0.0;
+    var trusted = 0.0;
+    for (var k = 0; k < 4; k++) {
+        if trust_of[k] > 0.0 {
+            found.index[k] = index_of(footprint_pixel(footprint, k));
+            found.weight[k] = weights[k];
+            total += weights[k];
+            trusted += weights[k] * trust_of[k];
+        }
+    }
+    if total < LEAST_FOOTPRINT {
+        return no_lookup();
+    }
+    for (var k = 0; k < 4; k++) {
+        found.weight[k] /= total;
+    }
+    found.trust = trusted / total;
+    return found;
+}
+
+// Steps 4 and 6: the bilinear footprint at the expected place, each of its four pixels tested singly.
+fn surface_lookup(expected: Expected, pixel: vec2i) -> Lookup {
+    let id = guides[index_of(pixel)].id;
+    let footprint = footprint_of(expected.coordinate);
+    var trusts = array(0.0, 0.0, 0.0, 0.0);
+    for (var k = 0; k < 4; k++) {
+        let q = footprint_pixel(footprint, k);
+        if !contains(q) {
+            continue;
+        }
+        let there = guides_before[index_of(q)];
+        if there.depth == BACKGROUND
+            || there.id != id
+            || dot(there.normal, expected.normal) < settings.surface.normal_min {
+            continue;
+        }
+        trusts[k] = distance_trust(expected, q, settings.surface.rejection);
+    }
+    return lookup_of(footprint, trusts);
+}

@@ -1,0 +1,61 @@
+// Twin of reference.rs: stage 11. The frame has jitter.
+//
+// The pass supplies `direct_at` and `direct_history_at`.
+
+// Bilinear fetch, clamped to the edge.
+fn direct_taa_fetch(coordinate: vec2f) -> vec3f {
+    let corner = coordinate - 0.5;
+    let base = floor(corner);
+    let t = corner - base;
+    let last = vec2i(frame.size) - 1;
+    let first = clamp(vec2i(base), vec2i(0), last);
+    let second = clamp(vec2i(base) + 1, vec2i(0), last);
+    let a = direct_history_at(index_of(first));
+    let b = direct_history_at(index_of(vec2i(second.x, first.y)));
+    let c = direct_history_at(index_of(vec2i(first.x, second.y)));
+    let d = direct_history_at(index_of(second));
+    return lerp(lerp(a, b, t.x), lerp(c, d, t.x), t.y);
+}
+
+// Stage 11 at one pixel.
+fn direct_taa(pixel: vec2i) -> vec3f {
+    let now = direct_at(index_of(pixel));
+    if frame.has_history == 0u {
+        return now;
+    }
+    let first = max(pixel - 1, vec2i(0));
+    let last = min(pixel + 1, vec2i(frame.size) - 1);
+    var nearest = pixel;
+    var depth = FAR;
+    var gathered = colour_box_empty();
+    for (var ty = first.y; ty <= last.y; ty++) {
+        for (var tx = first.x; tx <= last.x; tx++) {
+            let q = vec2i(tx, ty);
+            let guide = guides[index_of(q)];
+            if guide.depth != BACKGROUND && guide.depth < depth {
+                depth = guide.depth;
+                nearest = q;
+            }
+            gathered = colour_box_add(gathered, direct_at(index_of(q)));
+        }
+    }
+    let motion = guides[index_of(nearest)].motion;
+    let speed = length(motion);
+    let coordinate = vec2f(pixel) + 0.5 + motion;
+    let trust = settings.direct_taa.history
+        * max(1.0 - speed / settings.direct_taa.falloff_px, 0.0)
+        * guides[index_of(pixel)].confidence_in;
+    if trust <= 0.0 || any(coordinate < vec2f(0.0)) || any(coordinate > vec2f(frame.size)) {
+        return now;
+    }
+    let fetched = direct_taa_fetch(coordinate);
+    let clamped = colour_box_clamp(gathered, fetched);
+    let change = abs(luminance(clamped) - luminance(fetched));
+    let scale = max(abs(luminance(clamped)), abs(luminance(fetched)));
+    var relative = 0.0;
+    if scale > 0.0 {
+        relative = change / scale;
+    }
+    let w = trust / (1.0 + settings.direct_taa.clamp_falloff * relative);
+    return w * clamped + (1.0 - w) * now;
+}

@@ -1,0 +1,379 @@
+//! Every pass against its reference on the same inputs. Each comparison is shown to fail on planted differences, in the
+//! outputs and in every piece of WGSL.
+
+use super::device::{By, Job, Output, gpu};
+use super::inputs::Inputs;
+use crate::suite::frames::{Noise, Scene, box_before_wall, floor, jittered, mirror, moving, sphere, with_radius};
+use quell::gpu::{Kernel, Pass};
+use quell::stages::glossy_bilateral::Axis;
+use quell::{FrameBuf, Plane, Rgb, Settings, Signal, Size};
+
+/// How far outputs may lie apart.
+#[derive(Clone, Copy, Debug)]
+struct Bound {
+    /// Largest difference, relative to the pixel's value plus the plane's mean magnitude.
+    relative: f64,
+    /// Share of values beyond it: a decision at a threshold may have flipped.
+    flips: f64,
+}
+
+/// Choices between values; sums of at most five terms, of which a multiplication and an addition may be fused.
+const EXACT: Bound = Bound { relative: 1e-6, flips: 0.0 };
+/// Stages 4, 7, 9, 10: sums of taps in f32, in the reference in f64; WGSL allows a quotient or a root 2.5 units in the
+/// last place, and the offset of a tap is a difference of positions, which cancels.
+const WEIGHTS: Bound = Bound { relative: 1e-4, flips: 0.0 };
+/// Stage 3: positions relative to the eye, in the reference in world space; trust falls over a short distance.
+const SURFACES: Bound = Bound { relative: 1e-4, flips: 1e-3 };
+/// Stage 8: the place in the previous image by f32 arithmetic, in the reference by f64; noisy neighbours there differ by
+/// more than their mean, so the interpolation shows the place's error enlarged.
+const MIRRORS: Bound = Bound { relative: 1e-3, flips: 2e-3 };
+
+fn worst(p: f32, q: f32, magnitude: f64) -> f64 {
+    let scale = f64::from(p.abs().max(q.abs())) + magnitude;
+    let d = f64::from((p - q).abs()) / if scale > 0.0 { scale } else { 1.0 };
+    if d.is_nan() { f64::INFINITY } else { d }
+}
+
+fn compare(a: &Output, b: &Output, bound: Bound) -> Result<f64, String> {
+    assert_ne!(a.by, b.by, "a back end always agrees with itself");
+    if a.colours.len() != b.colours.len() || a.scalars.len() != b.scalars.len() {
+        return Err("another number of planes".to_owned());
+    }
+    type Pairs = Vec<(f32, f32)>;
+    let mut planes: Vec<(&str, f64, Pairs)> = Vec::new();
+    for ((name, p), (_, q)) in a.colours.iter().zip(&b.colours) {
+        let values: Pairs = p.data().iter().flatten().copied().zip(q.data().iter().flatten().copied()).collect();
+        let magnitude = values.iter().map(|(p, _)| f64::from(p.abs())).sum::<f64>() / values.len() as f64;
+        planes.push((name, magnitude, values));
+    }
+    for ((name, p), (_, q)) in a.scalars.iter().zip(&b.scalars) {
+        // Shares and frames: 1 is their scale.
+        planes.push((name, 1.0, p.data().iter().copied().zip(q.data().iter().copied()).collect()));
+    }
+    let mut largest = 0.0f64;
+    for (name, magnitude, values) in planes {
+        let differences: Vec<f64> = values.iter().map(|(p, q)| worst(*p, *q, magnitude)).collect();
+        let flipped = differences.iter().filter(|d| **d > bound.relative).count();
+        let most = differences.iter().copied().fold(0.0, f64::max);
+        // One value in a small picture is a large share: with a margin one pixel may always flip.
+        let allowed = if bound.flips > 0.0 { (bound.flips * values.len() as f64).max(3.0) } else { 0.0 };
+        if flipped as f64 > allowed {
+            let at = differences.iter().position(|d| *d == most).unwrap_or(0);
+            let (p, q) = values[at];
+            return Err(format!("{name}: {flipped} of {} differ, by up to {most:e} ({p} and {q})", values.len()));
+        }
+        largest = differences.into_iter().filter(|d| *d <= bound.relative).fold(largest, f64::max);
+    }
+    Ok(largest)
+}
+
+/// Planted differences in an output, each of which every comparison must see.
+fn canaries(output: &Output) -> Vec<(&'static str, Output)> {
+    let with = |change: &dyn Fn(&mut Plane<Rgb>)| {
+        let mut changed = output.clone();
+        changed.colours.iter_mut().for_each(|(_, p)| change(p));
+        changed
+    };
+    let mut all = vec![
+        ("scaled by 1 %", with(&|p| p.data_mut().iter_mut().flatten().for_each(|v| *v *= 1.01))),
+        ("shifted by a pixel", with(&|p| p.data_mut().rotate_right(1))),
+        ("channels swapped", with(&|p| p.data_mut().iter_mut().for_each(|c| c.swap(0, 2)))),
+    ];
+    for k in 0..output.scalars.len() {
+        let mut changed = output.clone();
+        changed.scalars[k].1.data_mut().iter_mut().for_each(|v| *v = *v * 0.99 + 0.01 * f32::from(*v == 0.0));
+        all.push(("a scalar off by 1 %", changed));
+    }
+    all
+}
+
+const SIZE: Size = Size::new(83, 49);
+/// The smallest pictures, and those of one row or column.
+const SMALL: [Size; 3] = [Size::new(1, 1), Size::new(1, 37), Size::new(53, 1)];
+
+fn scenes() -> [(&'static str, Scene); 5] {
+    let noise = Noise::Sparse(0.4);
+    [
+        ("floor", floor(moving, noise)),
+        ("box", box_before_wall(moving, noise)),
+        ("mirror", mirror(moving, true, noise)),
+        ("sphere", sphere(moving, noise)),
+        ("jittered", mirror(jittered, false, noise)),
+    ]
+}
+
+/// Trust of the host, gloss and ids that change, motion that is not known, background by its normal.
+fn unusual(frame: &mut FrameBuf) {
+    let size = frame.size;
+    frame.confidence_in = Some(Plane::from_fn(size, |x, y| [1.0, 0.5, 1.0, 0.0, 1.0][(x + 2 * y) % 5]));
+    frame.surface_id = Some(Plane::from_fn(size, |x, y| ((x / 23 + y / 11) % 3) as u32));
+    frame.roughness = Some(Plane::from_fn(size, |x, _| 0.05 + 0.3 * x as f32 / size.width as f32));
+    if let (Some(motion), Some(normal)) = (&mut frame.motion, &mut frame.normal) {
+        for i in (0..size.pixels()).step_by(11) {
+            motion.data_mut()[i] = [f32::NAN; 2];
+            normal.data_mut()[(7 * i + 3) % size.pixels()] = [0.0; 3];
+        }
+    }
+}
+
+/// Parallel rays along -z, on a slightly tilted plane whose normals are left out.
+fn parallel(frame: &mut FrameBuf) {
+    for camera in [&mut frame.camera, &mut frame.previous_camera] {
+        let shift = 0.01 * frame.index as f32;
+        camera.clip_from_world = [0.3, 0.0, 0.0, 0.0, 0.0, 0.3, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, shift, 0.0, 0.0, 1.0];
+    }
+    frame.view_depth = Some(Plane::from_fn(frame.size, |x, y| 3.0 + 0.02 * x as f32 - 0.01 * y as f32));
+    (frame.motion, frame.normal) = (None, None);
+}
+
+fn settings_with(changes: &[(&str, &str)]) -> Settings {
+    let mut s = with_radius(Settings::default(), SIZE, 12.0);
+    changes.iter().for_each(|(name, value)| s.set(name, value).unwrap());
+    s
+}
+
+/// One comparison: what it is called, its bound, its settings, the job that it makes of inputs.
+struct Case {
+    name: &'static str,
+    bound: Bound,
+    changes: &'static [(&'static str, &'static str)],
+    job: fn(&Inputs, &Settings) -> Job,
+}
+
+const fn case(
+    name: &'static str,
+    bound: Bound,
+    changes: &'static [(&'static str, &'static str)],
+    job: fn(&Inputs, &Settings) -> Job,
+) -> Case {
+    Case { name, bound, changes, job }
+}
+
+/// The table: every comparison with its bound.
+const CASES: &[Case] = &[
+    case("3", SURFACES, &[], |i, s| i.temporal(Signal::Matte, s, true)),
+    case("3, after a cut", EXACT, &[], |i, s| i.temporal(Signal::Matte, s, false)),
+    case("3, box", SURFACES, &[("matte_temporal.clip", "box"), ("matte_temporal.clip_radius", "3")], |i, s| {
+        i.temporal(Signal::Matte, s, true)
+    }),
+    case("3, deviations", SURFACES, &[("matte_temporal.clip", "sigma")], |i, s| i.temporal(Signal::Matte, s, true)),
+    case("3, by point", SURFACES, &[("surface.rejection", "point")], |i, s| i.temporal(Signal::Matte, s, true)),
+    case("3, no rejection", SURFACES, &[("surface.rejection", "off"), ("matte_temporal.ramp", "off")], |i, s| {
+        i.temporal(Signal::Matte, s, true)
+    }),
+    case("3, guarded", SURFACES, &[("surface.guard_band", "3")], |i, s| i.temporal(Signal::Matte, s, true)),
+    case("3, alike", SURFACES, &[("surface.normal_min", "0.9999")], |i, s| i.temporal(Signal::Matte, s, true)),
+    case("4", WEIGHTS, &[], |i, s| i.sparse(false, s)),
+    case("4, mirrored", WEIGHTS, &[("matte_prefilter.off_screen", "mirror")], |i, s| i.sparse(false, s)),
+    case("4, gloss", WEIGHTS, &[("edge.matte_gloss", "1")], |i, s| i.sparse(false, s)),
+    case("5", EXACT, &[("disocclusion.feedback_floor", "0.6")], |i, s| i.disocclusion(s)),
+    case("5, wide", EXACT, &[("disocclusion.radius", "8"), ("disocclusion.blur", "5")], |i, s| i.disocclusion(s)),
+    case("6", EXACT, &[], |i, s| i.firefly(s)),
+    case("6, plain", EXACT, &[("firefly.plain", "on")], |i, s| i.firefly(s)),
+    case("6, luminance", EXACT, &[("firefly.median", "luminance")], |i, s| i.firefly(s)),
+    case("7", WEIGHTS, &[], |i, s| i.sparse(true, s)),
+    case("8", MIRRORS, &[], |i, s| i.temporal(Signal::Glossy, s, true)),
+    case("8, after a cut", EXACT, &[], |i, s| i.temporal(Signal::Glossy, s, false)),
+    case("8, box", MIRRORS, &[("glossy_temporal.clip", "box")], |i, s| i.temporal(Signal::Glossy, s, true)),
+    case("8, no clip", MIRRORS, &[("glossy_temporal.clip", "off")], |i, s| i.temporal(Signal::Glossy, s, true)),
+    case("8, median", MIRRORS, &[("glossy_temporal.hit_filter", "median")], |i, s| i.temporal(Signal::Glossy, s, true)),
+    case("8, unfiltered", MIRRORS, &[("glossy_temporal.hit_filter", "off")], |i, s| {
+        i.temporal(Signal::Glossy, s, true)
+    }),
+    case("8, plane", MIRRORS, &[("glossy_temporal.curvature", "off")], |i, s| i.temporal(Signal::Glossy, s, true)),
+    case("8, not virtual", SURFACES, &[("glossy_temporal.virtual_reprojection", "off")], |i, s| {
+        i.temporal(Signal::Glossy, s, true)
+    }),
+    case("9", WEIGHTS, &[], |i, s| i.glossy(Axis::Horizontal, s)),
+    case("10", WEIGHTS, &[], |i, s| i.glossy(Axis::Vertical, s)),
+    case("9, monotone", WEIGHTS, &[("edge.monotone", "on")], |i, s| i.glossy(Axis::Horizontal, s)),
+    case("10, constant", WEIGHTS, &[("glossy_bilateral.radius", "constant")], |i, s| i.glossy(Axis::Vertical, s)),
+    case("11", EXACT, &[], |i, s| i.direct_taa(s, true)),
+    case("11, after a cut", EXACT, &[], |i, s| i.direct_taa(s, false)),
+    case("composite", EXACT, &[], |i, s| i.composite(s, [true, true, false, false])),
+    case("composite, all", EXACT, &[], |i, s| i.composite(s, [true; 4])),
+    case("composite, glossy", EXACT, &[], |i, s| i.composite(s, [false, true, false, false])),
+];
+
+/// Compiled passes, each once.
+#[derive(Default)]
+struct Kernels(Vec<(&'static str, Kernel)>);
+
+impl Kernels {
+    fn get(&mut self, gpu: &super::device::Gpu, pass: Pass) -> &Kernel {
+        let at = self.0.iter().position(|(name, _)| *name == pass.name).unwrap_or_else(|| {
+            self.0.push((pass.name, Kernel::new(&gpu.device, pass)));
+            self.0.len() - 1
+        });
+        &self.0[at].1
+    }
+}
+
+#[test]
+fn every_pass_agrees() {
+    let Some(gpu) = gpu() else { return };
+    let mut kernels = Kernels::default();
+    let mut failures = Vec::new();
+    let mut seen: Vec<f64> = vec![0.0; CASES.len()];
+    for (scene_name, scene) in scenes() {
+        for (kind, inputs) in
+            [("plain", Inputs::new(&scene, SIZE, |_| ())), ("unusual", Inputs::new(&scene, SIZE, unusual))]
+        {
+            for (case, seen) in CASES.iter().zip(&mut seen) {
+                let job = (case.job)(&inputs, &settings_with(case.changes));
+                let output = gpu.run(kernels.get(gpu, job.pass), &job);
+                match compare(&job.expected, &output, case.bound) {
+                    Ok(difference) => *seen = seen.max(difference),
+                    Err(difference) => failures.push(format!("{scene_name}, {kind}, {}: {difference}", case.name)),
+                }
+                for (canary, planted) in canaries(&output) {
+                    if compare(&job.expected, &planted, case.bound).is_ok() {
+                        failures.push(format!("{scene_name}, {kind}, {}: {canary} went unseen", case.name));
+                    }
+                }
+            }
+        }
+    }
+    for (case, seen) in CASES.iter().zip(seen) {
+        println!("{:<18} {seen:.1e} of {:.0e}", case.name, case.bound.relative);
+    }
+    assert!(failures.is_empty(), "{}", failures.join("\n"));
+}
+
+#[test]
+fn small_pictures_and_missing_planes_agree() {
+    let Some(gpu) = gpu() else { return };
+    let mut kernels = Kernels::default();
+    let scene = box_before_wall(moving, Noise::Sparse(0.4));
+    let missing = |frame: &mut FrameBuf| {
+        (frame.roughness, frame.glossy_hit_distance, frame.motion) = (None, None, None);
+        frame.surface_id = None;
+    };
+    let mut all: Vec<(String, Inputs)> = vec![("missing".to_owned(), Inputs::new(&scene, Size::new(37, 23), missing))];
+    all.extend(SMALL.map(|size| (size.to_string(), Inputs::new(&scene, size, |_| ()))));
+    let mut failures = Vec::new();
+    for (name, inputs) in &all {
+        for case in CASES {
+            let job = (case.job)(inputs, &settings_with(case.changes));
+            let output = gpu.run(kernels.get(gpu, job.pass), &job);
+            if let Err(difference) = compare(&job.expected, &output, case.bound) {
+                failures.push(format!("{name}, {}: {difference}", case.name));
+            }
+        }
+    }
+    assert!(failures.is_empty(), "{}", failures.join("\n"));
+}
+
+#[test]
+fn parallel_rays_agree() {
+    let Some(gpu) = gpu() else { return };
+    let mut kernels = Kernels::default();
+    let inputs = Inputs::new(&floor(moving, Noise::Uniform), SIZE, parallel);
+    for case in CASES {
+        let job = (case.job)(&inputs, &settings_with(case.changes));
+        let output = gpu.run(kernels.get(gpu, job.pass), &job);
+        if let Err(difference) = compare(&job.expected, &output, case.bound) {
+            panic!("{}: {difference}", case.name);
+        }
+    }
+}
+
+/// A change planted in the WGSL of a pass that the named comparison must see.
+const PLANTED: &[(&str, &str, &str)] = &[
+    // frame.wgsl
+    ("3", "return view.eye + (", "return ("),
+    ("4", "return view.origin[0] + view.origin[1] * pixel.x", "return view.origin[0] + view.origin[2] * pixel.x"),
+    ("8", "homogeneous.xy / homogeneous.z", "homogeneous.xy / (1.001 * homogeneous.z)"),
+    ("4", "select(1.0, view_depth, view.perspective != 0u)", "1e6"),
+    // guides.wgsl
+    ("9", "vec2f(pixel) + 0.5 + frame.jitter", "vec2f(pixel).yx"),
+    ("6", "return guides[index_of(pixel)].depth != BACKGROUND;", "return true;"),
+    // kernels
+    ("6, luminance", "0.2126 * c.x + 0.7152 * c.y", "0.7152 * c.x + 0.2126 * c.y"),
+    ("3, by point", "t * t * (3.0 - 2.0 * t)", "t"),
+    ("5", "a * (1.0 - t) + b * t", "a"),
+    ("9", "(0.5 + r * (1.0 / 6.0", "(0.45 + r * (1.0 / 6.0"),
+    ("4", "w_depth * w_normal * w_plane * w_gloss", "w_depth * w_plane * w_gloss"),
+    ("4", "w_depth * w_normal * w_plane * w_gloss", "w_normal * w_plane * w_gloss"),
+    ("4", "w_depth * w_normal * w_plane * w_gloss", "w_depth * w_normal * w_gloss"),
+    ("4, gloss", "w_depth * w_normal * w_plane * w_gloss", "w_depth * w_normal * w_plane"),
+    ("4", "if q.id != p.id ||", "if"),
+    ("4", "(pixel.y % PERIOD) * PERIOD + pixel.x % PERIOD", "(pixel.x % PERIOD) * PERIOD + pixel.y % PERIOD"),
+    ("4, mirrored", "2 * extent - 1 - position", "2 * extent - 2 - position"),
+    ("3, box", "max(bounds.high, c)", "bounds.high"),
+    ("3, deviations", "mean + gamma * deviation", "mean"),
+    ("3", "found.weight[k] /= total;", "found.weight[k] /= 1.0;"),
+    ("3, by point", "trusted / total", "1.0"),
+    ("3, alike", "< settings.surface.normal_min", "< -2.0"),
+    ("3", "vec2i(k & 1, k >> 1u)", "vec2i(k >> 1u, k & 1)"),
+    ("3", "min(frames / blend.confidence_frames, 1.0)", "1.0"),
+    ("3", "min(blend.alpha, frames / (frames + 1.0))", "blend.alpha"),
+    ("8", "v - 2.0 * dot(v, normal) * normal", "v - 1.9 * dot(v, normal) * normal"),
+    ("8, plane", "before.coordinate -= frame.jitter;", ""),
+    ("8", "> settings.mirror.reflector_roughness", "> -1.0"),
+    ("8", "expected.moved || turned || shifted", "expected.moved"),
+    ("8", "vec2f(b * q - c * p, b * p - a * q)", "vec2f(0.0)"),
+    ("8, median", "let middle = count / 2u;", "let middle = 0u;"),
+    // stages
+    ("3", "accumulate(settings.matte_blend,", "accumulate(settings.glossy_blend,"),
+    ("4", "i < shape.taps;", "i + 1u < shape.taps;"),
+    ("7", "sum += w * sparse_input(index_of(q));", "sum += w * sparse_input(index_of(pixel));"),
+    ("5", "k = max(k, 1.0 - confidence_at", "k = min(k, 1.0 - confidence_at"),
+    ("5", "sum += widest_at(vec2i(tx, pixel.y));", "sum += widest_at(pixel);"),
+    ("5", "sum += rows_at(vec2i(pixel.x, ty));", "sum += rows_at(pixel);"),
+    ("6", "const FIREFLY_MIDDLE: u32 = 4u;", "const FIREFLY_MIDDLE: u32 = 5u;"),
+    ("8", "reflected.trust *= visible.trust;", "reflected.trust *= 0.9;"),
+    ("9", "const LOBE_SPREAD: f32 = 2.0;", "const LOBE_SPREAD: f32 = 1.9;"),
+    ("10", "2.0 * frame.view.focal_px * bend", "frame.view.focal_px * bend"),
+    ("9", "sum += glossy_nearness(guide);", "sum += 1.0;"),
+    ("9, monotone", "edge = min(edge, ceiling);", ""),
+    ("11", "guide.depth < depth", "guide.depth > depth"),
+    ("11", "settings.direct_taa.clamp_falloff * relative", "0.0"),
+    ("11", "lerp(lerp(a, b, t.x), lerp(c, d, t.x), t.y)", "lerp(a, d, t.x)"),
+    ("composite", "weight * signal", "signal"),
+    // passes
+    ("3", "return history_state[i].y;", "return history_state[i].x;"),
+    ("5", "disocclusion(temporal[i].xyz, prefiltered[i].xyz, k, fed_back)", "blended[i].xyz"),
+    ("6", "return input[i].xyz;", "return input[i].zyx;"),
+    ("7", "settings.matte_edge, settings.matte_bilateral", "settings.matte_edge, settings.matte_prefilter"),
+    ("8", "vec2f(accumulated.confidence, accumulated.length)", "vec2f(accumulated.length, accumulated.confidence)"),
+    ("10", "glossy_bilateral(vec2i(0, 1), pixel)", "glossy_bilateral(vec2i(1, 0), pixel)"),
+    ("composite, all", "direct_glossy[i].xyz, on_glossy", "direct_glossy[i].xyz, on_matte"),
+];
+
+#[test]
+fn every_change_planted_in_a_shader_is_seen() {
+    let Some(gpu) = gpu() else { return };
+    let changes: [fn(&mut FrameBuf); 2] = [|_| (), unusual];
+    let mut inputs: Vec<Inputs> =
+        changes.iter().flat_map(|change| scenes().map(|(_, scene)| Inputs::new(&scene, SIZE, change))).collect();
+    inputs.push(Inputs::new(&floor(moving, Noise::Uniform), SIZE, parallel));
+    let mut unseen = Vec::new();
+    for (name, from, to) in PLANTED {
+        let case = CASES.iter().find(|c| c.name == *name).unwrap();
+        // Other counts of taps, so that one pattern cannot stand in for the other.
+        let mut settings = settings_with(case.changes);
+        settings.matte_bilateral.taps = 22;
+        let mut kernel = None;
+        let seen = inputs.iter().any(|inputs| {
+            let job = (case.job)(inputs, &settings);
+            let kernel = kernel.get_or_insert_with(|| {
+                let source = job.pass.source();
+                assert!(source.contains(from), "{}: `{from}` is not there", job.pass.name);
+                Kernel::with_source(&gpu.device, job.pass, &source.replacen(from, to, 1))
+            });
+            compare(&job.expected, &gpu.run(kernel, &job), case.bound).is_err()
+        });
+        if !seen {
+            unseen.push(format!("{name}: `{from}` made `{to}`"));
+        }
+    }
+    assert!(unseen.is_empty(), "went unseen:\n{}", unseen.join("\n"));
+}
+
+#[test]
+#[should_panic(expected = "agrees with itself")]
+fn an_output_is_not_compared_with_its_own_back_end() {
+    let output = Output { by: By::Gpu, colours: Vec::new(), scalars: Vec::new() };
+    let _ = compare(&output, &output, EXACT);
+}

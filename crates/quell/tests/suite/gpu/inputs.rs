@@ -1,0 +1,210 @@
+//! What the passes are run on: the reference's own images of a fourth frame, after three of history.
+
+use super::device::{By, Job, Output, colour_bytes, state_bytes};
+use crate::suite::frames::{Scene, guides};
+use quell::border::Guides;
+use quell::gpu::{FrameUniforms, Pass, SettingsUniforms, pack_guides, pack_spiral};
+use quell::kernels::spiral::{Spiral, SpiralShape};
+use quell::stages::glossy_bilateral::Axis;
+use quell::stages::matte_temporal::reference::{Remembered, Temporal};
+use quell::stages::{
+    composite, direct_taa, disocclusion, firefly, glossy_bilateral, glossy_temporal, matte_bilateral, matte_prefilter,
+    matte_temporal,
+};
+use quell::{FrameBuf, Plane, Rgb, Settings, Signal, Size};
+
+/// Frames before the one that is compared.
+const BEFORE: usize = 3;
+
+/// A frame and the guides of it and of its predecessors.
+pub struct Inputs {
+    frames: Vec<FrameBuf>,
+    guides: Vec<Guides>,
+}
+
+/// Runs a temporal stage over all frames but the last; `None`: there is no history.
+type Run = fn(&[Plane<Rgb>], Option<Remembered<'_>>, &Guides, &Settings) -> Temporal;
+
+impl Inputs {
+    /// Of a scene, each frame changed by `change`.
+    pub fn new(scene: &Scene, size: Size, change: impl Fn(&mut FrameBuf)) -> Self {
+        let frames: Vec<FrameBuf> = (0..=BEFORE as i64)
+            .map(|i| {
+                let mut frame = scene.frame(size, i);
+                change(&mut frame);
+                frame
+            })
+            .collect();
+        let guides = frames.iter().map(guides).collect();
+        Self { frames, guides }
+    }
+
+    fn size(&self) -> Size {
+        self.now().size
+    }
+
+    fn frame(&self) -> &FrameBuf {
+        &self.frames[BEFORE]
+    }
+
+    fn now(&self) -> &Guides {
+        &self.guides[BEFORE]
+    }
+
+    fn before(&self) -> &Guides {
+        &self.guides[BEFORE - 1]
+    }
+
+    /// A signal, tinted from pixel to pixel: on grey light a swap of channels would not show.
+    fn signal(&self, signal: Signal, i: usize) -> Plane<Rgb> {
+        let frame = &self.frames[i];
+        let plane = if signal == Signal::Matte { &frame.matte } else { &frame.glossy };
+        let tint = |x: usize, y: usize, c: usize| 0.5 + 0.1 * ((7 * x + 13 * y + 5 * c + 3 * i) % 11) as f32;
+        Plane::from_fn(frame.size, |x, y| {
+            let light = plane.as_ref().map_or([0.0; 3], |p| p.at(x, y));
+            [0, 1, 2].map(|c| light[c] * tint(x, y, c))
+        })
+    }
+
+    /// What a temporal stage remembers before the last frame.
+    fn history(&self, signal: Signal, run: Run, settings: &Settings) -> Temporal {
+        let mut last: Option<Temporal> = None;
+        for i in 0..BEFORE {
+            let remembered =
+                last.as_ref().map(|t| Remembered { planes: &t.planes, length: &t.length, guides: &self.guides[i - 1] });
+            last = Some(run(&[self.signal(signal, i)], remembered, &self.guides[i], settings));
+        }
+        last.unwrap()
+    }
+
+    fn job(&self, pass: Pass, settings: &Settings, inputs: Vec<Vec<u8>>, colours: Vec<Plane<Rgb>>) -> Job {
+        let names = ["first output", "second output"];
+        Job {
+            pass,
+            size: self.size(),
+            frame: FrameUniforms::new(self.now(), Some(self.before())),
+            settings: SettingsUniforms::new(settings, self.size()),
+            inputs,
+            expected: Output {
+                by: By::Reference,
+                colours: names.into_iter().zip(colours).collect(),
+                scalars: Vec::new(),
+            },
+        }
+    }
+
+    /// Stage 3 or 8; `with_history` false: the frame after a cut.
+    pub fn temporal(&self, signal: Signal, settings: &Settings, with_history: bool) -> Job {
+        let (pass, run): (Pass, Run) = match signal {
+            Signal::Matte => (Pass::MATTE_TEMPORAL, matte_temporal::reference::run),
+            Signal::Glossy => (Pass::GLOSSY_TEMPORAL, glossy_temporal::reference::run),
+        };
+        let history = self.history(signal, run, settings);
+        let remembered = Remembered { planes: &history.planes, length: &history.length, guides: self.before() };
+        let current = self.signal(signal, BEFORE);
+        let temporal = run(std::slice::from_ref(&current), with_history.then_some(remembered), self.now(), settings);
+        let inputs = vec![
+            pack_guides(self.now()),
+            pack_guides(self.before()),
+            colour_bytes(&current),
+            colour_bytes(&history.planes[0]),
+            state_bytes(&history.confidence, &history.length),
+        ];
+        let mut job = self.job(pass, settings, inputs, temporal.planes);
+        if !with_history {
+            job.frame = FrameUniforms::new(self.now(), None);
+        }
+        job.expected.scalars = vec![("confidence", temporal.confidence), ("history length", temporal.length)];
+        job
+    }
+
+    fn accumulated(&self, settings: &Settings) -> Temporal {
+        let history = self.history(Signal::Matte, matte_temporal::reference::run, settings);
+        let remembered = Remembered { planes: &history.planes, length: &history.length, guides: self.before() };
+        matte_temporal::reference::run(&[self.signal(Signal::Matte, BEFORE)], Some(remembered), self.now(), settings)
+    }
+
+    /// Stage 4 or 7, on the accumulated signal.
+    pub fn sparse(&self, second: bool, settings: &Settings) -> Job {
+        let input = self.accumulated(settings).planes;
+        let (index, rows) = (self.frame().index, self.size().height);
+        let (pass, shape, output) = if second {
+            let shape = SpiralShape::bilateral(&settings.matte_bilateral, rows, index);
+            (Pass::MATTE_BILATERAL, shape, matte_bilateral::reference::run(&input, self.now(), settings, index))
+        } else {
+            let shape = SpiralShape::prefilter(&settings.matte_prefilter, rows, index);
+            (Pass::MATTE_PREFILTER, shape, matte_prefilter::reference::run(&input, self.now(), settings, index))
+        };
+        let inputs = vec![pack_guides(self.now()), pack_spiral(&Spiral::new(&shape)), colour_bytes(&input[0])];
+        self.job(pass, settings, inputs, output)
+    }
+
+    /// Stage 5, on the outputs of stages 3 and 4.
+    pub fn disocclusion(&self, settings: &Settings) -> Job {
+        let temporal = self.accumulated(settings);
+        let prefiltered = matte_prefilter::reference::run(&temporal.planes, self.now(), settings, self.frame().index);
+        let distrust = disocclusion::reference::distrust(&temporal.confidence, &settings.disocclusion);
+        let floor = settings.disocclusion.floor;
+        let outputs = [floor, floor.max(settings.disocclusion.feedback_floor)]
+            .into_iter()
+            .flat_map(|least| disocclusion::reference::run(&temporal.planes, &prefiltered, &distrust, least))
+            .collect();
+        let inputs = vec![
+            state_bytes(&temporal.confidence, &temporal.length),
+            colour_bytes(&temporal.planes[0]),
+            colour_bytes(&prefiltered[0]),
+        ];
+        self.job(Pass::DISOCCLUSION, settings, inputs, outputs)
+    }
+
+    /// Stage 6, on the noisy signal.
+    pub fn firefly(&self, settings: &Settings) -> Job {
+        let input = self.signal(Signal::Matte, BEFORE);
+        let output = firefly::reference::run(std::slice::from_ref(&input), self.now(), &settings.firefly);
+        self.job(Pass::FIREFLY, settings, vec![pack_guides(self.now()), colour_bytes(&input)], output)
+    }
+
+    /// Stage 9 or 10, on the noisy signal.
+    pub fn glossy(&self, axis: Axis, settings: &Settings) -> Job {
+        let input = self.signal(Signal::Glossy, BEFORE);
+        let pass = match axis {
+            Axis::Horizontal => Pass::GLOSSY_HORIZONTAL,
+            Axis::Vertical => Pass::GLOSSY_VERTICAL,
+        };
+        let output = glossy_bilateral::reference::run(std::slice::from_ref(&input), self.now(), settings, axis);
+        self.job(pass, settings, vec![pack_guides(self.now()), colour_bytes(&input)], output)
+    }
+
+    /// Stage 11, on the two noisy signals as direct light and its history.
+    pub fn direct_taa(&self, settings: &Settings, with_history: bool) -> Job {
+        let (input, history) = (self.signal(Signal::Matte, BEFORE), self.signal(Signal::Matte, BEFORE - 1));
+        let remembered = with_history.then_some(&history);
+        let output = direct_taa::reference::run(&input, remembered, self.now(), &settings.direct_taa);
+        let inputs = vec![pack_guides(self.now()), colour_bytes(&input), colour_bytes(&history)];
+        let mut job = self.job(Pass::DIRECT_TAA, settings, inputs, vec![output]);
+        if !with_history {
+            job.frame = FrameUniforms::new(self.now(), None);
+        }
+        job
+    }
+
+    /// The sum of direct light and the terms that `there` names: matte, glossy, noisy direct light of each.
+    pub fn composite(&self, settings: &Settings, there: [bool; 4]) -> Job {
+        let frame = self.frame();
+        let plane = |p: &Option<Plane<Rgb>>| p.clone().unwrap_or(Plane::filled(frame.size, [0.0; 3]));
+        let direct = plane(&frame.direct);
+        let signals = [
+            self.signal(Signal::Matte, BEFORE),
+            self.signal(Signal::Glossy, BEFORE),
+            self.signal(Signal::Matte, 0),
+            self.signal(Signal::Glossy, 1),
+        ];
+        let weights = [plane(&frame.matte_weight), plane(&frame.glossy_weight)];
+        let terms: Vec<_> = (0..4).filter(|i| there[*i]).map(|i| (&signals[i], &weights[i % 2])).collect();
+        let output = composite::reference::run(&direct, &terms);
+        let inputs = std::iter::once(&direct).chain(&signals).chain(&weights).map(colour_bytes).collect();
+        let mut job = self.job(Pass::COMPOSITE, settings, inputs, vec![output]);
+        job.settings = job.settings.with_terms(there[0], there[1], there[2], there[3]);
+        job
+    }
+}

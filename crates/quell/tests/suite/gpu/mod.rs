@@ -1,0 +1,9 @@
+//! The GPU back end against the reference, pass by pass, and its shaders without a GPU.
+//!
+//! Without an adapter the tests that need one print why they did nothing; with `QUELL_REQUIRE_GPU=1` they fail.
+
+mod agreement;
+mod device;
+mod inputs;
+mod kernel;
+mod shaders;
