@@ -36,7 +36,7 @@
 //! | [`denoiser`] | the public face: [`Denoiser`], [`Output`] |
 //! | [`mod@reference`] | the back end that is the specification |
 //! | `cpu` | the fast back end (feature `cpu`) |
-//! | `gpu` | single stages on the caller's wgpu device (feature `gpu`): no denoiser yet |
+//! | `gpu` | the back end on the caller's wgpu device (feature `gpu`) |
 
 pub mod border;
 pub mod camera;

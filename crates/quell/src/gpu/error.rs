@@ -40,6 +40,9 @@ pub enum Error {
         /// What it lacks.
         usage: &'static str,
     },
+    /// A setting, a size or a camera that no back end takes.
+    #[error(transparent)]
+    Denoiser(#[from] crate::Error),
     /// An extent of 0, or a plane or a dispatch beyond the device's limits.
     #[error("pass `{pass}`: images of {size} are beyond this device's limits ({limit})")]
     Size {

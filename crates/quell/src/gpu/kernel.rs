@@ -1,8 +1,9 @@
 //! A pass made ready for a device, and encoded into the caller's encoder.
 
 use super::error::Error;
-use super::pass::{Access, FIRST_STORAGE, Pass, WORKGROUP};
+use super::pass::{Access, Binding, FIRST_STORAGE, Pass, WORKGROUP};
 use crate::plane::Size;
+use std::num::NonZeroU64;
 
 /// A compiled pass.
 #[derive(Clone, Debug)]
@@ -81,11 +82,18 @@ impl Kernel {
         let groups = self.check(device, frame, settings, buffers, size)?;
         let label = format!("quell {}", self.pass.name);
         let label = Some(label.as_str());
+        let bound = |buffer, bytes| {
+            wgpu::BindingResource::Buffer(wgpu::BufferBinding { buffer, offset: 0, size: NonZeroU64::new(bytes) })
+        };
+        // Of a plane only what it needs: the caller's buffer may be larger than a binding may be.
+        let planes = self.pass.bindings.iter().zip(buffers);
+        let planes = planes.map(|(b, buffer)| bound(buffer, if b.is_plane { bytes(b, size) } else { buffer.size() }));
         let entries: Vec<_> = [frame, settings]
+            .map(|uniform| bound(uniform, uniform.size()))
             .into_iter()
-            .chain(buffers.iter().copied())
+            .chain(planes)
             .zip(0..)
-            .map(|(buffer, binding)| wgpu::BindGroupEntry { binding, resource: buffer.as_entire_binding() })
+            .map(|(resource, binding)| wgpu::BindGroupEntry { binding, resource })
             .collect();
         let group =
             device.create_bind_group(&wgpu::BindGroupDescriptor { label, layout: &self.layout, entries: &entries });
@@ -130,15 +138,20 @@ impl Kernel {
             if !buffer.usage().contains(wgpu::BufferUsages::STORAGE) {
                 return Err(Error::BufferUsage { pass, binding: binding.name, usage: "STORAGE" });
             }
-            let needed = if binding.is_plane { binding.stride * size.pixels() as u64 } else { binding.stride };
+            let needed = bytes(binding, size);
             if buffer.size() < needed {
                 let found = buffer.size();
                 return Err(Error::BufferSize { pass, binding: binding.name, size, needed, found });
             }
-            if buffer.size() > limits.max_storage_buffer_binding_size {
+            if needed > limits.max_storage_buffer_binding_size {
                 return Err(beyond("max_storage_buffer_binding_size"));
             }
         }
         Ok(groups)
     }
+}
+
+/// Bytes that a binding holds at the least.
+fn bytes(binding: &Binding, size: Size) -> u64 {
+    if binding.is_plane { binding.stride * size.pixels() as u64 } else { binding.stride }
 }

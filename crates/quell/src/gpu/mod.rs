@@ -1,11 +1,15 @@
-//! The GPU back end, in the making: each stage's `shader.wgsl` composed into passes that run on the caller's wgpu device.
+//! The GPU back end: each stage's `shader.wgsl` composed into passes that run on the caller's wgpu device, and
+//! [`Denoiser`], which encodes the whole plan into the caller's encoder.
 //!
-//! There is no denoiser here yet, only its parts: single passes ([`Pass`], [`Kernel`]) and what they are told
-//! ([`FrameUniforms`], [`SettingsUniforms`], [`pack_guides`]). Every plane is a storage buffer of 32-bit floats, row by row
-//! without padding: exactness first, half floats later. Joint passes do not run on the GPU yet.
+//! In its first form: every plane is a storage buffer of 32-bit floats, row by row without padding ([`Denoiser`] holds
+//! 312 bytes a pixel), which holds images up to about 2.8 million pixels on WebGPU's default limits; each stage is a pass of
+//! its own. Half floats, fused passes, textures and conventions of hosts, joint passes and timings are not here yet, and
+//! nothing is repaired: what the buffers hold must keep the contract of [`crate::Frame`].
 //!
-//! A [`Kernel`] is a good guest: it takes the caller's device and encoder, never submits, blocks, polls or reads back, and
-//! asks for no feature and no limit beyond WebGPU's defaults.
+//! Single passes, for bisecting and tests: [`Pass`], [`Kernel`], told by [`FrameUniforms`], [`SettingsUniforms`].
+//!
+//! Both are good guests: they take the caller's device and encoder, never submit, block, poll or read back, and ask for no
+//! feature and no limit beyond WebGPU's defaults.
 //!
 //! | plane | one pixel | bytes |
 //! |---|---|---|
@@ -14,6 +18,7 @@
 //! | state | confidence, history length | 8 |
 //! | scalar | one number | 4 |
 
+mod denoiser;
 mod error;
 mod guides;
 mod kernel;
@@ -21,6 +26,7 @@ mod pass;
 mod uniform;
 mod uniforms;
 
+pub use denoiser::{Denoiser, Frame, Output, Signal};
 pub use error::Error;
 pub use guides::{pack_guides, pack_spiral};
 pub use kernel::Kernel;

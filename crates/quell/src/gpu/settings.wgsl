@@ -90,12 +90,14 @@ struct DirectTaaSettings {
     clamp_falloff: f32,
 }
 
-// Which terms the composite adds.
+// Which terms the composite adds, and which weights are there.
 struct CompositeSettings {
     @align(16) matte: u32,
     glossy: u32,
     direct_matte: u32,
     direct_glossy: u32,
+    matte_weight: u32,
+    glossy_weight: u32,
 }
 
 struct Settings {

@@ -118,6 +118,8 @@ uniforms! {
         glossy: u32,
         direct_matte: u32,
         direct_glossy: u32,
+        matte_weight: u32,
+        glossy_weight: u32,
     }
 
     /// The settings of all stages, lengths in pixels of one image size.
@@ -179,9 +181,33 @@ impl View {
     }
 }
 
+/// The cameras of a frame, and which guides it has.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Cameras {
+    pub(super) view: Projection,
+    pub(super) previous_view: Projection,
+    pub(super) jitter: Vec2,
+    pub(super) size: Size,
+    pub(super) has_glossy_hit: bool,
+    pub(super) has_roughness: bool,
+}
+
 impl FrameUniforms {
     /// Of a frame and the one before; `None`: there is no history.
     pub fn new(now: &Guides, before: Option<&Guides>) -> Self {
+        let cameras = |guides: &Guides| Cameras {
+            view: guides.view,
+            previous_view: guides.previous_view,
+            jitter: guides.jitter,
+            size: guides.size,
+            has_glossy_hit: guides.has_glossy_hit,
+            has_roughness: guides.has_roughness,
+        };
+        Self::from_cameras(&cameras(now), before.map(cameras).as_ref())
+    }
+
+    /// Likewise, from cameras alone.
+    pub(super) fn from_cameras(now: &Cameras, before: Option<&Cameras>) -> Self {
         let eye = now.view.eye;
         let before_or_now = before.unwrap_or(now);
         Self {
@@ -276,20 +302,29 @@ impl SettingsUniforms {
                 falloff_px: s.direct_taa.motion_falloff * rows / REFERENCE_ROWS,
                 clamp_falloff: s.direct_taa.clamp_falloff,
             },
-            composite: Composite { matte: 1, glossy: 1, direct_matte: 0, direct_glossy: 0 },
+            composite: Composite {
+                matte: 1,
+                glossy: 1,
+                direct_matte: 0,
+                direct_glossy: 0,
+                matte_weight: 1,
+                glossy_weight: 1,
+            },
         }
     }
 
     /// Which terms the composite adds to direct light: matte, glossy, noisy direct light of each.
     #[must_use]
     pub fn with_terms(self, matte: bool, glossy: bool, direct_matte: bool, direct_glossy: bool) -> Self {
-        let composite = Composite {
-            matte: u32::from(matte),
-            glossy: u32::from(glossy),
-            direct_matte: u32::from(direct_matte),
-            direct_glossy: u32::from(direct_glossy),
-        };
-        Self { composite, ..self }
+        let [matte, glossy, direct_matte, direct_glossy] = [matte, glossy, direct_matte, direct_glossy].map(u32::from);
+        Self { composite: Composite { matte, glossy, direct_matte, direct_glossy, ..self.composite }, ..self }
+    }
+
+    /// Whether the matte and the glossy terms have weights; without, they count as they are.
+    #[must_use]
+    pub fn with_weights(self, matte: bool, glossy: bool) -> Self {
+        let (matte_weight, glossy_weight) = (u32::from(matte), u32::from(glossy));
+        Self { composite: Composite { matte_weight, glossy_weight, ..self.composite }, ..self }
     }
 
     /// What the uniform buffer holds.

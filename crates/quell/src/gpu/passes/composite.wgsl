@@ -1,4 +1,4 @@
-// The sum, one pixel an invocation. Terms that the frame lacks may be bound to anything: they are not read.
+// The sum, one pixel an invocation. Terms and weights that the frame lacks may be bound to anything: they do not count.
 @group(0) @binding(2) var<storage, read> direct: array<vec4f>;
 @group(0) @binding(3) var<storage, read> matte: array<vec4f>;
 @group(0) @binding(4) var<storage, read> glossy: array<vec4f>;
@@ -16,8 +16,8 @@ fn composite(@builtin(global_invocation_id) id: vec3u) {
     }
     let i = index_of(pixel);
     let terms = settings.composite;
-    let on_matte = matte_weight[i].xyz;
-    let on_glossy = glossy_weight[i].xyz;
+    let on_matte = select(vec3f(1.0), matte_weight[i].xyz, terms.matte_weight != 0u);
+    let on_glossy = select(vec3f(1.0), glossy_weight[i].xyz, terms.glossy_weight != 0u);
     var sum = direct[i].xyz;
     sum = composite_term(sum, matte[i].xyz, on_matte, terms.matte);
     sum = composite_term(sum, glossy[i].xyz, on_glossy, terms.glossy);

@@ -103,6 +103,32 @@ impl Gpu {
         buffer
     }
 
+    /// What storage buffers hold once everything submitted has run.
+    pub fn read(&self, buffers: &[&wgpu::Buffer]) -> Vec<Vec<f32>> {
+        let mut encoder = self.device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("read") });
+        let copies: Vec<wgpu::Buffer> = buffers
+            .iter()
+            .map(|buffer| {
+                let copy = self.device.create_buffer(&wgpu::BufferDescriptor {
+                    label: Some("copy"),
+                    size: buffer.size(),
+                    usage: wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST,
+                    mapped_at_creation: false,
+                });
+                encoder.copy_buffer_to_buffer(buffer, 0, &copy, 0, buffer.size());
+                copy
+            })
+            .collect();
+        self.queue.submit([encoder.finish()]);
+        copies.iter().for_each(|copy| copy.map_async(wgpu::MapMode::Read, .., |result| result.unwrap()));
+        self.device.poll(wgpu::PollType::wait_indefinitely()).unwrap();
+        let floats = |copy: &wgpu::Buffer| {
+            let bytes = copy.get_mapped_range(..).unwrap();
+            bytes.chunks_exact(4).map(|b| f32::from_le_bytes([b[0], b[1], b[2], b[3]])).collect()
+        };
+        copies.iter().map(floats).collect()
+    }
+
     /// Runs a job on a compiled pass.
     pub fn run(&self, kernel: &Kernel, job: &Job) -> Output {
         let frame = self.buffer("frame", &job.frame.bytes(), wgpu::BufferUsages::UNIFORM);
@@ -126,27 +152,11 @@ impl Gpu {
         let mut encoder = self.device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("test") });
         let bound: Vec<&wgpu::Buffer> = buffers.iter().collect();
         kernel.encode(&self.device, &mut encoder, &frame, &settings, &bound, job.size).unwrap();
-        let written = || job.pass.bindings.iter().zip(&buffers).filter(|(b, _)| b.access == Access::Write);
-        let copies: Vec<wgpu::Buffer> = written()
-            .map(|(binding, buffer)| {
-                let copy = self.device.create_buffer(&wgpu::BufferDescriptor {
-                    label: Some(binding.name),
-                    size: buffer.size(),
-                    usage: wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST,
-                    mapped_at_creation: false,
-                });
-                encoder.copy_buffer_to_buffer(buffer, 0, &copy, 0, buffer.size());
-                copy
-            })
-            .collect();
         self.queue.submit([encoder.finish()]);
-        copies.iter().for_each(|copy| copy.map_async(wgpu::MapMode::Read, .., |result| result.unwrap()));
-        self.device.poll(wgpu::PollType::wait_indefinitely()).unwrap();
+        let written = || job.pass.bindings.iter().zip(&buffers).filter(|(b, _)| b.access == Access::Write);
+        let contents = self.read(&written().map(|(_, buffer)| buffer).collect::<Vec<_>>());
         let mut output = Output { by: By::Gpu, colours: Vec::new(), scalars: Vec::new() };
-        for ((binding, _), copy) in written().zip(&copies) {
-            let bytes = copy.get_mapped_range(..).unwrap();
-            let floats: Vec<f32> =
-                bytes.chunks_exact(4).map(|b| f32::from_le_bytes([b[0], b[1], b[2], b[3]])).collect();
+        for ((binding, _), floats) in written().zip(contents) {
             let plane = |stride, k| Plane::from_vec(job.size, floats.iter().skip(k).step_by(stride).copied().collect());
             match binding.stride {
                 16 => {

@@ -207,4 +207,16 @@ impl Inputs {
         job.settings = job.settings.with_terms(there[0], there[1], there[2], there[3]);
         job
     }
+
+    /// The sum of direct light and both signals as they are, whatever is bound as weights.
+    pub fn unweighted(&self, settings: &Settings) -> Job {
+        let mut job = self.composite(settings, [true, true, false, false]);
+        job.settings = job.settings.with_weights(false, false);
+        let direct = self.frame().direct.clone().unwrap_or(Plane::filled(self.size(), [0.0; 3]));
+        let one = Plane::filled(self.size(), [1.0; 3]);
+        let signals = Signal::ALL.map(|signal| self.signal(signal, BEFORE));
+        let terms: Vec<_> = signals.iter().map(|signal| (signal, &one)).collect();
+        job.expected.colours[0].1 = composite::reference::run(&direct, &terms);
+        job
+    }
 }

@@ -6,4 +6,5 @@ mod agreement;
 mod device;
 mod inputs;
 mod kernel;
+mod sequence;
 mod shaders;
