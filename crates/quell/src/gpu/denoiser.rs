@@ -6,6 +6,7 @@ use super::kernel::Kernel;
 use super::pass::Pass;
 use super::uniforms::{Cameras, FrameUniforms, SettingsUniforms};
 use crate::camera::Camera;
+use crate::denoiser::MAX_EXTENT;
 use crate::frame::Frame as CpuFrame;
 use crate::history::{Ledger, PlanCache};
 use crate::kernels::spiral::{Spiral, SpiralShape};
@@ -414,6 +415,9 @@ impl Denoiser {
 fn check_size(device: &wgpu::Device, size: Size) -> Result<(), Error> {
     if size.width == 0 || size.height == 0 {
         return Err(crate::Error::EmptySize { size }.into());
+    }
+    if size.width > MAX_EXTENT || size.height > MAX_EXTENT {
+        return Err(crate::Error::SizeTooLarge { size, limit: MAX_EXTENT }.into());
     }
     let limits = device.limits();
     let bytes = (size.pixels() as u64).saturating_mul(GUIDES);

@@ -245,7 +245,7 @@ fn what_cannot_be_encoded_is_an_error_and_changes_nothing() {
     let error = encode(&gpu::Frame { camera, ..good }).unwrap_err();
     assert!(error.to_string().contains("camera"), "{error}");
     assert_eq!(encode(&gpu::Frame { index: 1, ..good }), Ok(true), "history was lost by an error");
-    for bad in [Size::new(0, 4), Size::new(32768, 32768)] {
+    for bad in [Size::new(0, 4), Size::new(1 << 20, 1), Size::new(32768, 32768)] {
         assert!(gpu::Denoiser::new(&gpu.device, bad, &settings).is_err(), "{bad}");
     }
 }
