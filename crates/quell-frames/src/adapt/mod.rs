@@ -107,6 +107,16 @@ impl Adapter {
         let display = first.first().map_or(canvas, ExrImage::display_window);
         let mut notes = Vec::new();
         let mut warnings = Vec::new();
+        let mut mapping = mapping;
+        let beyond = lights::beyond_reflectance(&mapping, canvas, first)?;
+        if beyond > lights::MOST_BEYOND {
+            mapping.passes.retain(|pass| pass.role != Role::Albedo);
+            warnings.push(format!(
+                "the albedo is above 1 in {:.1} % of the pixels: it is noise or light, not the colour of surfaces, and is left \
+                 out; write the colour alone, clamped to 1",
+                100.0 * beyond
+            ));
+        }
         let rule = SumRule::find(&mapping, canvas, first, options.beauty_only)?;
         notes.push(rule.describe());
         warnings.extend(rule.warning());
@@ -119,7 +129,6 @@ impl Adapter {
                  longer add up to the beauty"
             ));
         }
-        let mut mapping = mapping;
         if let Some(kind) = guides::depth_kind(&mapping, canvas, first)?
             && kind != mapping.renderer.depth
         {

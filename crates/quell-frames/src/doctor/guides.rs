@@ -331,10 +331,10 @@ impl Guides {
                     vec![Figure::new("pixels above 1", share * 100.0, "%"), Figure::new("largest", most, "")],
                 )
                 .cure(
-                    "light is divided by it before the filter: where it is noisy or wrong, its noise and its edges come into the light",
+                    "light cannot be divided by it: quell leaves such an albedo out, and textures that it alone shows are blurred",
                     format!(
-                        "leave it out with --map {role}=none, or write the surface's colour alone (no emission, no division by small densities), \
-                     clamped to 1"
+                        "write the surface's colour alone (no emission, no division by small densities), clamped to 1; \
+                         --map {role}=none leaves it out in any case"
                     ),
                 ),
         );

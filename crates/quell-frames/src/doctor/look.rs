@@ -68,7 +68,13 @@ pub(super) struct Raw {
 }
 
 impl Look {
-    pub fn new(adapter: &Adapter, number: i64, images: &[ExrImage], links: &mut Links) -> Result<Self, Error> {
+    pub fn new(
+        adapter: &Adapter,
+        table: &Mapping,
+        number: i64,
+        images: &[ExrImage],
+        links: &mut Links,
+    ) -> Result<Self, Error> {
         let (mapping, canvas) = (adapter.mapping(), adapter.canvas());
         let made = adapter.frame(number, images, links)?;
         let frame = made.frame;
@@ -77,12 +83,12 @@ impl Look {
             None => frame.beauty(),
         };
         let trace = Trace::of(&frame, &beauty, made.camera);
-        Ok(Self { number, raw: Raw::new(mapping, canvas, images)?, beauty, camera: made.camera, trace, frame })
+        Ok(Self { number, raw: Raw::new(mapping, table, canvas, images)?, beauty, camera: made.camera, trace, frame })
     }
 }
 
 impl Raw {
-    fn new(mapping: &Mapping, canvas: Window, images: &[ExrImage]) -> Result<Self, Error> {
+    fn new(mapping: &Mapping, table: &Mapping, canvas: Window, images: &[ExrImage]) -> Result<Self, Error> {
         let mut vectors = Vec::new();
         for role in [Role::Motion, Role::MotionPrevious, Role::MotionNext] {
             let Some(pass) = mapping.get(role) else { continue };
@@ -94,7 +100,8 @@ impl Raw {
         let three = |pass: Option<&Mapped>| pass.map(|p| gather(images, &p.channels, canvas, [0.0; 3])).transpose();
         let colours = [Role::MatteColour, Role::GlossyColour, Role::TransmissionColour, Role::SubsurfaceColour];
         let seen = mapping.get(Role::SeenAlbedo).filter(|_| colours.iter().all(|role| mapping.get(*role).is_none()));
-        let albedo = mapping.get(Role::Albedo).or(seen);
+        // What the adapter leaves out is looked at, too.
+        let albedo = table.get(Role::Albedo).or(seen);
         let depth = mapping.get(Role::Depth).and_then(|pass| pass.channels.first().copied());
         let depth_half = depth.is_some_and(|id| {
             images

@@ -199,7 +199,7 @@ impl Layer<'_> {
                 links = Links::default();
                 last = None;
             }
-            let mut look = match Look::new(adapter, *number, &images, &mut links) {
+            let mut look = match Look::new(adapter, mapping, *number, &images, &mut links) {
                 Ok(look) => look,
                 Err(error) => {
                     damaged(*number, &error, found);

@@ -297,3 +297,23 @@ fn frames_of_quell_have_their_cameras_in_the_header_and_move_by_them() {
     }
     assert!(motion.at(10, 1)[0].is_finite(), "the background turns with the camera");
 }
+
+#[test]
+fn an_albedo_that_is_no_reflectance_is_left_out_and_the_user_is_told() {
+    let folder = Folder::new("albedo");
+    let beauty = |x: usize, y: usize| noise(x, y, 5);
+    // Right but for one pixel, an estimator's; and noise around 1.
+    let right = |x: usize, y: usize| if (x, y) == (7, 9) { 10.0 } else { 0.25 };
+    let wrong = |x: usize, y: usize| 2.0 * noise(x, y, 6);
+    let made = |name: &str, albedo: Value<'_>| {
+        let channels = ["R", "G", "B"].map(|c| [(c.to_owned(), &beauty as Value<'_>), (format!("albedo.{c}"), albedo)]);
+        let channels = channels.concat();
+        let channels: Vec<(&str, Value<'_>)> = channels.iter().map(|(n, v)| (n.as_str(), *v)).collect();
+        let (adapter, images) = adapter(&write(&folder, name, (WIDTH, HEIGHT), &channels));
+        let frame = adapter.frame(1, &images, &mut Links::default()).unwrap().frame;
+        let said = adapter.warnings().iter().any(|warning| warning.contains("albedo is above 1"));
+        (frame.lights[0].weight.as_ref().map(|weight| weight.at(7, 9)), said)
+    };
+    assert_eq!(made("right.exr", &right), (Some([1.0; 3]), false));
+    assert_eq!(made("wrong.exr", &wrong), (None, true));
+}
