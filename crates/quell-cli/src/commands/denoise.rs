@@ -23,7 +23,10 @@ const DOCTOR: &str = "`quell doctor` with the same frames says more, and how to 
 pub fn run(context: &Context, settings: SequenceSettings, args: DenoiseArgs) -> Result<(), Failure> {
     let dry_run = args.dry_run;
     let job = Job::open(options(settings, args)?)?;
-    context.detail(job.mapping().trim_end());
+    // A dry run describes it anyway.
+    if !dry_run {
+        context.detail(job.mapping().trim_end());
+    }
     for note in job.notes() {
         context.note(&format!("warning: {note}"));
     }

@@ -83,6 +83,13 @@ fn row(plane: &[f32], w: usize, y: usize) -> &[f32] {
     &plane[y * w..][..w]
 }
 
+/// The depth tolerance grows with the tap's distance: its part at the centre, and that of every pixel further out.
+const REACH: [f32; 2] = [0.3, 0.1];
+/// Part of the slope's own prediction by which it may be wrong: surfaces bend.
+const SLOPE_ERROR: f32 = 0.2;
+/// Energy between surface and background: no weight is left.
+const APART: f32 = 1e9;
+
 /// Energies of one tap for a row of centres, for the classes that are wanted.
 #[inline(always)]
 pub(super) fn energies(local: &Local, w: usize, o: &Offset, s: &Wavelet, wanted: [bool; 4], out: &mut [Vec<f32>; 4]) {
@@ -100,11 +107,11 @@ pub(super) fn energies(local: &Local, w: usize, o: &Offset, s: &Wavelet, wanted:
         let nq = [0, 1, 2].map(|c| o.taps(row(&local.normal[c], w, o.qy)));
         let rough = o.centres(row(&local.normal_noise, w, o.y));
         let surface = &mut surface[..n];
-        let reach = s.depth * (0.3 + 0.1 * distance);
+        let reach = s.depth * (REACH[0] + REACH[1] * distance);
         for i in 0..n {
             let along = sx[i] * dx + sy[i] * dy;
             let miss = iz_q[i] - iz_p[i] - along;
-            let tolerance = iz_p[i] * (reach + s.guide_noise * noise[i]) + 0.2 * along.abs() + 1e-20;
+            let tolerance = iz_p[i] * (reach + s.guide_noise * noise[i]) + SLOPE_ERROR * along.abs() + 1e-20;
             let r = miss / tolerance;
             let both = (iz_p[i] > 0.0) == (iz_q[i] > 0.0);
             let cosine = np[0][i] * nq[0][i] + np[1][i] * nq[1][i] + np[2][i] * nq[2][i];
@@ -113,7 +120,7 @@ pub(super) fn energies(local: &Local, w: usize, o: &Offset, s: &Wavelet, wanted:
                 np[0][i].abs() + np[1][i].abs() + np[2][i].abs() + nq[0][i].abs() + nq[1][i].abs() + nq[2][i].abs();
             let bend = if length > 0.0 { 1.0 - cosine } else { 0.0 };
             let normal = s.normal * bend / (1.0 + s.guide_noise * s.normal * rough[i]);
-            surface[i] = if both { r * r + normal } else { 1e9 };
+            surface[i] = if both { r * r + normal } else { APART };
         }
     }
     if wanted[1] {

@@ -23,6 +23,11 @@ const MOVING_WEIGHT: f32 = 0.7;
 /// Least cosine between normals of one surface now and then: standing, and turning.
 const STANDING_NORMAL: f32 = 0.6;
 const MOVING_NORMAL: f32 = 0.7;
+/// Pixels within which a point of the same plane is the same surface, whatever its normal; beyond, normals must agree.
+const STANDING_REACH: f32 = 6.0;
+const PLANE_NORMAL: f32 = 0.9;
+/// Part of a motion's length by which the way there and back may miss, beside `gather.round_trip`.
+const ROUND_TRIP_SHARE: f32 = 0.05;
 /// Most relative change of depth a frame of a surface that moves.
 const MOVING_DEPTH: f32 = 0.1;
 /// Taps with less of the bilinear weight are left out.
@@ -161,8 +166,8 @@ fn same_surface(
     if pixel_size > 0.0 {
         let off = off_plane(s, tracked);
         let d = difference(s, tracked);
-        let near = dot(d, d) < 36.0 * pixel_size.max(off).powi(2);
-        if off < gather.plane_distance * pixel_size && (near || cosine > 0.9) {
+        let near = dot(d, d) < (STANDING_REACH * pixel_size.max(off)).powi(2);
+        if off < gather.plane_distance * pixel_size && (near || cosine > PLANE_NORMAL) {
             return (cosine >= STANDING_NORMAL).then_some(1.0);
         }
     }
@@ -171,7 +176,7 @@ fn same_surface(
         let length = (motion[0] * motion[0] + motion[1] * motion[1]).sqrt();
         let miss = (miss[0] * miss[0] + miss[1] * miss[1]).sqrt();
         // NaN is no agreement.
-        if miss.is_nan() || miss > gather.round_trip + 0.05 * length {
+        if miss.is_nan() || miss > gather.round_trip + ROUND_TRIP_SHARE * length {
             return None;
         }
     }

@@ -182,14 +182,16 @@ fn returns(member: &Member, forward: bool, reflected: bool, pixel: usize, motion
     miss <= ROUND_TRIP[0] + ROUND_TRIP[1] * length
 }
 
+/// How much nearer a neighbour must be to stand in front: more than the slope of one surface makes.
+const NEARER: f32 = 1.02;
+
 fn front(member: &Member, x: usize, y: usize) -> Front {
     let (w, h) = (member.size.width, member.size.height);
     let mut best = Front { pixel: y * w + x, inverse_depth: member.guides.surface[y * w + x].inverse_depth };
     for qy in y.saturating_sub(1)..(y + 2).min(h) {
         for qx in x.saturating_sub(1)..(x + 2).min(w) {
             let inverse_depth = member.guides.surface[qy * w + qx].inverse_depth;
-            // Not for the slope of the same surface.
-            if inverse_depth > best.inverse_depth * 1.02 {
+            if inverse_depth > best.inverse_depth * NEARER {
                 best = Front { pixel: qy * w + qx, inverse_depth };
             }
         }
