@@ -123,6 +123,14 @@ impl Sanitised {
         self.iter().next().is_none()
     }
 
+    /// From counts in the order of [`PlaneName::ALL`], for each those of [`Repair::ALL`]; what is missing counts as 0.
+    #[cfg(feature = "gpu")]
+    pub(crate) fn from_counts(counts: &[u64]) -> Self {
+        let mut sanitised = Self::default();
+        sanitised.counts.iter_mut().flatten().zip(counts).for_each(|(to, from)| *to = *from);
+        sanitised
+    }
+
     pub(crate) fn add(&mut self, plane: PlaneName, tally: &Tally) {
         for (sum, count) in self.counts[plane as usize].iter_mut().zip(&tally.0) {
             *sum += count.load(Ordering::Relaxed);
@@ -185,7 +193,7 @@ pub(crate) fn clean_unit_range(v: f32, when_not_finite: f32, row: &mut RowTally)
 }
 
 /// Normals whose squared length differs from 1 by more are normalised; half-float rounding stays within.
-const UNIT_TOLERANCE: f32 = 4e-3;
+pub(crate) const UNIT_TOLERANCE: f32 = 4e-3;
 
 /// [`clean_unit_range`] has nothing to do.
 #[cfg(feature = "cpu")]

@@ -40,6 +40,44 @@ pub enum Error {
         /// What it lacks.
         usage: &'static str,
     },
+    /// A texture's format does not fit its plane.
+    #[error("plane `{plane}` is a texture of {format:?}; it needs {expected}")]
+    TextureFormat {
+        /// The plane.
+        plane: &'static str,
+        /// The texture's format.
+        format: wgpu::TextureFormat,
+        /// What would do.
+        expected: &'static str,
+    },
+    /// A texture lacks a usage.
+    #[error("the texture of plane `{plane}` was made without the usage {usage}")]
+    TextureUsage {
+        /// The plane.
+        plane: &'static str,
+        /// What it lacks.
+        usage: &'static str,
+    },
+    /// A texture is multisampled, or not two-dimensional.
+    #[error(
+        "the texture of plane `{plane}` must be two-dimensional with one sample a texel (it has {samples}); resolve it first"
+    )]
+    TextureKind {
+        /// The plane.
+        plane: &'static str,
+        /// Its samples.
+        samples: u32,
+    },
+    /// A texture is smaller than the frame.
+    #[error("the texture of plane `{plane}` is {found}, smaller than the frame's {size}")]
+    TextureSize {
+        /// The plane.
+        plane: &'static str,
+        /// The frame's extent.
+        size: Size,
+        /// The texture's.
+        found: Size,
+    },
     /// A setting, a size or a camera that no back end takes.
     #[error(transparent)]
     Denoiser(#[from] crate::Error),

@@ -18,19 +18,27 @@
 //! | state | confidence, history length | 8 |
 //! | scalar | one number | 4 |
 
+mod convention;
 mod denoiser;
 mod error;
 mod guides;
+mod inputs;
 mod kernel;
 mod pass;
+mod prepare;
+mod repairs;
 mod uniform;
 mod uniforms;
 
+pub use convention::{Convention, DepthKind, MotionUnit, NormalEncoding, NormalSpace, RoughnessKind};
 pub use denoiser::{Denoiser, Frame, Output, Signal};
 pub use error::Error;
 pub use guides::{pack_guides, pack_spiral};
+pub use inputs::{Channel, GuideTextures, Scalar};
 pub use kernel::Kernel;
 pub use pass::{Access, Binding, Pass};
+pub use prepare::{Border, Prepare, count_source, prepare_source};
+pub use repairs::Repairs;
 pub use uniform::{Member, Uniform};
 pub use uniforms::{FrameUniforms, SettingsUniforms, layouts};
 

@@ -158,6 +158,7 @@ pub fn layouts() -> Vec<Uniform> {
         DirectTaa::layout(),
         Composite::layout(),
         SettingsUniforms::layout(),
+        super::convention::PrepareUniforms::layout(),
     ]
 }
 

@@ -6,5 +6,7 @@ mod agreement;
 mod device;
 mod inputs;
 mod kernel;
+mod prepare;
 mod sequence;
 mod shaders;
+mod textures;

@@ -2,7 +2,7 @@
 //! are laid out as Rust writes them.
 
 use quell::gpu::wgpu::{Limits, naga};
-use quell::gpu::{Access, Pass, layouts};
+use quell::gpu::{Access, Pass, count_source, layouts, prepare_source};
 
 fn parsed(pass: &Pass) -> naga::Module {
     let source = pass.source();
@@ -63,6 +63,24 @@ fn bindings_are_those_that_rust_binds_within_the_default_limits() {
     assert_eq!(limits.max_compute_invocations_per_workgroup, 256);
 }
 
+#[test]
+fn the_border_validates_within_the_default_limits() {
+    let limits = Limits::default();
+    for source in [prepare_source(), count_source()] {
+        let module = naga::front::wgsl::parse_str(&source).unwrap_or_else(|e| panic!("{}", e.emit_to_string(&source)));
+        let mut validator =
+            naga::valid::Validator::new(naga::valid::ValidationFlags::all(), naga::valid::Capabilities::empty());
+        validator.validate(&module).unwrap_or_else(|e| panic!("{}", e.emit_to_string(&source)));
+        let bound = |space: fn(&naga::AddressSpace) -> bool| {
+            module.global_variables.iter().filter(|(_, v)| v.binding.is_some() && space(&v.space)).count() as u32
+        };
+        let textures = bound(|s| matches!(s, naga::AddressSpace::Handle));
+        assert!((7..=limits.max_sampled_textures_per_shader_stage).contains(&textures), "{textures}");
+        let buffers = bound(|s| matches!(s, naga::AddressSpace::Storage { .. }));
+        assert!((1..=limits.max_storage_buffers_per_shader_stage).contains(&buffers), "{buffers}");
+    }
+}
+
 /// Where a struct of the shaders differs from what Rust writes.
 fn difference(module: &naga::Module, expected: &quell::gpu::Uniform) -> Option<Result<(), String>> {
     let (_, ty) = module.types.iter().find(|(_, ty)| ty.name.as_deref() == Some(expected.name))?;
@@ -81,7 +99,8 @@ fn difference(module: &naga::Module, expected: &quell::gpu::Uniform) -> Option<R
 
 #[test]
 fn structs_are_laid_out_as_rust_writes_them() {
-    let modules: Vec<naga::Module> = Pass::ALL.iter().map(parsed).collect();
+    let border = [prepare_source(), count_source()].map(|s| naga::front::wgsl::parse_str(&s).unwrap());
+    let modules: Vec<naga::Module> = Pass::ALL.iter().map(parsed).chain(border).collect();
     for layout in layouts() {
         let results: Vec<_> = modules.iter().filter_map(|m| difference(m, &layout)).collect();
         assert!(!results.is_empty(), "no shader has a struct `{}`", layout.name);
