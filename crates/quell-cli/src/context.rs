@@ -2,11 +2,13 @@
 
 use crate::args::Common;
 use crate::args::values::BackendChoice;
+use crate::backend::Choice;
 use crate::failure::Failure;
 use crate::output;
 use quell::sequence::{SEQUENCE_PARAMETERS, SequenceSettings};
 use quell::settings::PARAMETERS;
-use quell::{Backend, Preset, Settings};
+use quell::{Preset, Settings};
+use quell_lab::backend::Backend;
 use quell_lab::report::Report;
 use serde_json::{Map, Value};
 use std::path::{Path, PathBuf};
@@ -23,7 +25,7 @@ pub struct Context {
     pub report_file: Option<PathBuf>,
     pub settings: Settings,
     pub preset: Preset,
-    pub backend: Backend,
+    choice: Choice,
     /// The command line as it was typed.
     pub command: String,
 }
@@ -45,10 +47,6 @@ impl Context {
         if let Some(report) = &common.report {
             output::check_file(report)?;
         }
-        let backend = match common.backend.unwrap_or_default() {
-            BackendChoice::Auto | BackendChoice::Cpu => Backend::Cpu,
-            BackendChoice::Reference => Backend::Reference,
-        };
         Ok(Self {
             verbose: common.verbose,
             quiet: common.quiet,
@@ -56,7 +54,7 @@ impl Context {
             report_file: common.report.clone(),
             settings,
             preset,
-            backend,
+            choice: Choice::new(common.backend, common.device.clone())?,
             command: command_line(),
         })
     }
@@ -71,6 +69,7 @@ impl Context {
         if common.backend == Some(BackendChoice::Reference) {
             return Err(Failure::Usage("the filter of sequences has one back end: cpu".to_owned()));
         }
+        Choice::new(common.backend, common.device.clone())?.no_gpu("the filter of sequences runs")?;
         let mut settings = SequenceSettings::default();
         for (name, value) in &file.values {
             let place = |e: quell::Error| Failure::Usage(format!("{}: {e}", file.path.display()));
@@ -88,13 +87,30 @@ impl Context {
         let mut report = self.report();
         report.settings.clear();
         report.settings.insert("preset".to_owned(), SEQUENCE_PRESET.into());
-        report.settings.insert("backend".to_owned(), backend_name(Backend::Cpu).into());
+        report.settings.insert("backend".to_owned(), "cpu".into());
         for parameter in SEQUENCE_PARAMETERS {
             if let Ok(value) = settings.get(parameter.name) {
                 report.settings.insert(parameter.name.to_owned(), value.into());
             }
         }
         report
+    }
+
+    /// The back end that filters; looked for, and told with `-v`, at the first call.
+    pub fn backend(&self) -> Result<&Backend, Failure> {
+        let told = self.choice.found().is_some();
+        let chosen = self.choice.get()?;
+        if !told {
+            let backend = &chosen.backend;
+            let on = backend.adapter().map_or(String::new(), |adapter| format!(" on {adapter}"));
+            self.detail(&format!("back end: {}{on} ({})", backend.name(), chosen.why));
+        }
+        Ok(&chosen.backend)
+    }
+
+    /// Refuses a GPU that was asked for: `what` has no twin there.
+    pub fn no_gpu(&self, what: &str) -> Result<(), Failure> {
+        self.choice.no_gpu(what)
     }
 
     /// The same without messages.
@@ -127,7 +143,11 @@ impl Context {
         let mut report = Report::new(self.command.clone());
         report.machine.instruction_set = instruction_set();
         report.settings.insert("preset".to_owned(), self.preset.name().into());
-        report.settings.insert("backend".to_owned(), backend_name(self.backend).into());
+        report.settings.insert("backend".to_owned(), self.choice.name().into());
+        if let Some(chosen) = self.choice.found() {
+            report.settings.insert("backend_why".to_owned(), chosen.why.as_str().into());
+            report.machine.adapter = chosen.backend.adapter();
+        }
         for parameter in PARAMETERS {
             if let Ok(value) = self.settings.get(parameter.name) {
                 report.settings.insert(parameter.name.to_owned(), value.into());
@@ -158,14 +178,6 @@ pub fn with_further(report: &Report, further: Map<String, Value>) -> Result<Stri
         object.extend(further);
     }
     serde_json::to_string_pretty(&value).map(|text| text + "\n").map_err(wrong)
-}
-
-/// Name of a back end on the command line.
-pub fn backend_name(backend: Backend) -> &'static str {
-    match backend {
-        Backend::Cpu => "cpu",
-        Backend::Reference => "reference",
-    }
 }
 
 /// The command line, words with spaces in quotes.

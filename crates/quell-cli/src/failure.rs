@@ -112,7 +112,21 @@ impl From<quell_lab::Error> for Failure {
         match error {
             quell_lab::Error::UnknownMethod { .. } => Self::Usage(error.to_string()),
             quell_lab::Error::Quell(error) => error.into(),
+            #[cfg(feature = "gpu")]
+            quell_lab::Error::Gpu(error) => gpu(error),
             error => Self::Failed(error.to_string()),
         }
+    }
+}
+
+#[cfg(feature = "gpu")]
+fn gpu(error: quell_lab::gpu::Error) -> Failure {
+    use quell_lab::gpu::Error;
+    match error {
+        Error::Denoiser(quell::gpu::Error::Denoiser(error)) => error.into(),
+        Error::UnknownDevice { .. } | Error::Missing { .. } | Error::Denoiser(quell::gpu::Error::Size { .. }) => {
+            Failure::Usage(error.to_string())
+        }
+        error => Failure::Failed(error.to_string()),
     }
 }

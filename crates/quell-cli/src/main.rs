@@ -3,6 +3,7 @@
 //! ```text
 //! args/         what the user typed: options, ranges, sizes; no side effect
 //! context.rs    what the program runs on: settings, threads, back end, where messages go
+//! backend.rs    which back end runs, and why that one
 //! failure.rs    how a run ends badly, and with which exit status
 //! interrupt.rs  Ctrl-C and SIGTERM
 //! progress.rs   bars on a terminal, plain lines elsewhere
@@ -13,6 +14,7 @@
 //! ```
 
 mod args;
+mod backend;
 mod commands;
 mod context;
 mod environment;

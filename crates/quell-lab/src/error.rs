@@ -61,6 +61,10 @@ pub enum Error {
     /// The denoiser refused a frame or a setting.
     #[error(transparent)]
     Quell(#[from] quell::Error),
+    /// The GPU, or the denoiser on it.
+    #[cfg(feature = "gpu")]
+    #[error(transparent)]
+    Gpu(#[from] crate::gpu::Error),
     /// Tracing failed or was stopped.
     #[error(transparent)]
     Trace(#[from] quell_trace::TraceError),

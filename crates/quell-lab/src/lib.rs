@@ -8,13 +8,18 @@
 //! reproduce/     what the talk's slides show, made anew
 //! tone.rs        the one tone curve of every picture that is looked at, and PNG
 //! report/        the JSON report, the table in the terminal, the player page, the animated strip
+//! backend.rs     which back end filters frames that lie in memory
+//! gpu/           a host for quell on the GPU: device, upload, submit, read back (feature `gpu`)
 //! cache.rs       references on disk: found by hash, never half written
 //! references.rs  converges a reference in two halves, through the cache, continued where it stopped
 //! ```
 
+pub mod backend;
 pub mod cache;
 pub mod compare;
 pub mod error;
+#[cfg(feature = "gpu")]
+pub mod gpu;
 pub mod methods;
 pub mod metrics;
 pub mod references;

@@ -353,6 +353,18 @@ impl Guides {
         }
     }
 
+    /// The guides of a frame, for hosts that hand them to another device.
+    ///
+    /// # Errors
+    /// What [`Frame::check`] finds.
+    pub fn of(frame: &Frame<'_>, sanitised: &mut Sanitised) -> Result<Self, Error> {
+        frame.check(frame.size)?;
+        let view = frame.camera.projection(frame.size).ok_or(Error::Camera { which: "camera" })?;
+        let mut guides = Self::new(frame.size, view);
+        guides.read(frame, sanitised)?;
+        Ok(guides)
+    }
+
     /// Reads a checked frame.
     pub(crate) fn read(&mut self, frame: &Frame<'_>, sanitised: &mut Sanitised) -> Result<(), Error> {
         let size = self.size;

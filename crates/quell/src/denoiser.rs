@@ -132,6 +132,42 @@ pub struct Output<'a> {
     glossy_passes: &'a [Plane<Rgb>],
 }
 
+/// A frame that was denoised elsewhere, as on a GPU, and whose planes this program holds.
+#[derive(Clone, Debug)]
+pub struct OutputBuf {
+    /// As in [`Output`], likewise below.
+    pub composite: Plane<Rgb>,
+    /// Direct light as composited.
+    pub direct: Plane<Rgb>,
+    /// The matte signal, then its passes; empty: the frame has no such signal.
+    pub matte: Vec<Plane<Rgb>>,
+    /// The glossy signal, then its passes; empty: the frame has no such signal.
+    pub glossy: Vec<Plane<Rgb>>,
+    /// 0..1.
+    pub confidence: Plane<f32>,
+    /// Frames that count.
+    pub history_length: Plane<f32>,
+    /// What it cost and what was repaired.
+    pub report: Report,
+}
+
+impl OutputBuf {
+    /// As the CPU back ends hand it out.
+    pub fn output(&self) -> Output<'_> {
+        Output {
+            composite: &self.composite,
+            direct: &self.direct,
+            matte: self.matte.first(),
+            glossy: self.glossy.first(),
+            confidence: &self.confidence,
+            history_length: &self.history_length,
+            report: self.report,
+            matte_passes: self.matte.get(1..).unwrap_or_default(),
+            glossy_passes: self.glossy.get(1..).unwrap_or_default(),
+        }
+    }
+}
+
 impl<'a> Output<'a> {
     /// The filtered passes tied to a signal, in the order in which the frame lists them.
     pub fn passes(&self, signal: Signal) -> &'a [Plane<Rgb>] {

@@ -61,7 +61,7 @@ pub mod settings;
 pub mod stages;
 
 pub use camera::{Camera, Projection};
-pub use denoiser::{Backend, Denoiser, Output};
+pub use denoiser::{Backend, Denoiser, Output, OutputBuf};
 pub use error::Error;
 pub use frame::{Frame, FrameBuf, Pass, PassBuf, Rgb, Signal};
 pub use plane::{Plane, PlaneRef, Size};

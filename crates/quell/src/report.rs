@@ -23,6 +23,11 @@ impl StageTimes {
         Stage::ALL.into_iter().filter_map(|s| self.get(s).map(|t| (s, t)))
     }
 
+    /// Notes a time that was measured elsewhere, as on a GPU.
+    pub fn set(&mut self, stage: Stage, time: Duration) {
+        self.times[stage as usize] = Some(time);
+    }
+
     /// Runs `f` and adds its time to the stage's.
     pub(crate) fn measure<R>(&mut self, stage: Stage, f: impl FnOnce() -> R) -> R {
         let begin = clock();

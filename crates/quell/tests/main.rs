@@ -5,7 +5,7 @@ mod suite {
     mod agreement;
     mod contract;
     mod frames;
-    #[cfg(feature = "gpu-tests")]
+    #[cfg(feature = "gpu-native")]
     mod gpu;
     mod invariants;
     mod sequence;

@@ -37,7 +37,7 @@ pub const DEMO_FOLDER: &str = "quell-demo";
 pub struct Cli {
     #[command(flatten)]
     pub common: Common,
-    /// Print the version; with -v also instruction set and features
+    /// Print the version; with -v also instruction set, features and adapters
     #[arg(short = 'V', long)]
     pub version: bool,
     /// Print the completions for a shell
@@ -66,9 +66,12 @@ pub struct Common {
     /// Threads to use [default: all]
     #[arg(long, global = true, value_name = "N", value_parser = values::at_least_one::<u16>)]
     pub threads: Option<u16>,
-    /// Implementation of the stages: auto, cpu, reference [default: auto]
+    /// Implementation of the stages: auto (a GPU where there is one), cpu, gpu, reference [default: auto; denoise: cpu]
     #[arg(long, global = true, value_name = "NAME")]
     pub backend: Option<BackendChoice>,
+    /// GPU to use, by part of its name; `quell --version -v` lists them. One in software (llvmpipe) only so
+    #[arg(long, global = true, value_name = "NAME")]
+    pub device: Option<String>,
     /// Named values of all parameters: paper, or sequence for denoise [default: these]
     #[arg(long, global = true, value_name = "NAME")]
     pub preset: Option<String>,

@@ -59,9 +59,11 @@ impl FromStr for Setting {
 /// Which twins run.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum BackendChoice {
-    /// The fastest that this version has.
+    /// A GPU where there is a real one, else the fast CPU back end.
     #[default]
     Auto,
+    /// A GPU.
+    Gpu,
     /// The fast CPU back end.
     Cpu,
     /// The scalar specification.
@@ -76,8 +78,20 @@ impl FromStr for BackendChoice {
             "auto" => Ok(Self::Auto),
             "cpu" => Ok(Self::Cpu),
             "reference" => Ok(Self::Reference),
-            "gpu" => Err("the back end `gpu` is not in this version; there are auto, cpu, reference".to_owned()),
-            _ => Err(format!("unknown back end `{text}`; there are auto, cpu, reference")),
+            "gpu" => Ok(Self::Gpu),
+            _ => Err(format!("unknown back end `{text}`; there are auto, cpu, gpu, reference")),
+        }
+    }
+}
+
+impl BackendChoice {
+    /// As it is typed.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Auto => "auto",
+            Self::Gpu => "gpu",
+            Self::Cpu => "cpu",
+            Self::Reference => "reference",
         }
     }
 }
@@ -119,8 +133,10 @@ mod tests {
         for text in ["", "=", "a.b", "a.b=", "=1"] {
             assert!(text.parse::<Setting>().is_err(), "{text}");
         }
-        assert!("gpu".parse::<BackendChoice>().unwrap_err().contains("not in this version"));
-        assert_eq!("cpu".parse(), Ok(BackendChoice::Cpu));
+        assert!("cuda".parse::<BackendChoice>().unwrap_err().contains("auto, cpu, gpu, reference"));
+        for choice in [BackendChoice::Auto, BackendChoice::Gpu, BackendChoice::Cpu, BackendChoice::Reference] {
+            assert_eq!(choice.name().parse(), Ok(choice));
+        }
         assert!(positive("0").is_err() && positive("inf").is_err() && positive("nan").is_err());
         assert!(at_least_one::<u32>("0").is_err() && at_least_one::<u32>("-1").is_err());
     }

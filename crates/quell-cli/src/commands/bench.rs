@@ -5,7 +5,7 @@ mod synthetic;
 use crate::args::BenchArgs;
 use crate::args::environment::EnvironmentArgs;
 use crate::args::scene::SceneArgs;
-use crate::context::{Context, backend_name};
+use crate::context::Context;
 use crate::environment;
 use crate::failure::Failure;
 use crate::interrupt;
@@ -14,7 +14,8 @@ use crate::scene;
 use crate::sequence::FIRST_FRAME;
 use crate::sequence::times::{StageClock, paper_number};
 use quell::pipeline::{Inputs, Plan, Stage};
-use quell::{Denoiser, FrameBuf, Size};
+use quell::{FrameBuf, Size};
+use quell_lab::backend::Backend;
 use quell_lab::report::StageTime;
 use quell_lab::report::document::Section;
 use quell_lab::report::table::Table;
@@ -37,6 +38,7 @@ pub fn run(context: &Context, args: BenchArgs) -> Result<(), Failure> {
     if args.scene.is_none() && args.environment.environment.is_some() {
         return Err(Failure::Usage("--environment is for scenes; name one with --scene".to_owned()));
     }
+    let backend = context.backend()?;
     let mut report = context.report();
     let gigabytes_a_second = copy_speed();
     let mut text = String::new();
@@ -52,14 +54,14 @@ pub fn run(context: &Context, args: BenchArgs) -> Result<(), Failure> {
             None => synthetic::frame(size),
         };
         let measured = measure(context, &mut frame, &args)?;
-        let stages = with_floors(measured.clock.stages(), context, size, gigabytes_a_second);
+        let stages = with_floors(measured.clock.stages(), context, backend, size, gigabytes_a_second);
         let sum = |f: &dyn Fn(&StageTime) -> Option<f64>| stages.iter().filter_map(f).sum::<f64>();
         let filters: f64 = sum(&|s| s.paper_stage.map(|_| s.milliseconds.median));
         let whole: f64 = sum(&|s| Some(s.milliseconds.median));
         text.push_str(&format!(
             "{size}, {} frames, back end {}, {} thread{}, {}\n\n{}\n",
             measured.frames,
-            backend_name(context.backend),
+            backend.name(),
             report.machine.threads,
             if report.machine.threads == 1 { "" } else { "s" },
             report.machine.instruction_set,
@@ -113,13 +115,14 @@ pub fn section(context: &Context, size: Size) -> Result<(Section, Vec<StageTime>
     let args =
         BenchArgs { scene: None, environment: EnvironmentArgs::default(), size: vec![size], count: SECTION_FRAMES };
     let measured = measure(context, &mut synthetic::frame(size), &args)?;
-    let stages = with_floors(measured.clock.stages(), context, size, copy_speed());
+    let backend = context.backend()?;
+    let stages = with_floors(measured.clock.stages(), context, backend, size, copy_speed());
     let section = Section {
         heading: "Stage times".to_owned(),
         text: vec![format!(
             "{size}, {} frames of made-up guides and noise, back end {}. The paper's times are of a GPU of 2017 at {PAPER_SIZE}.",
             measured.frames,
-            backend_name(context.backend)
+            backend.name()
         )],
         tables: vec![("Median, least and largest time of a frame.".to_owned(), table(&stages, size))],
         ..Section::default()
@@ -134,7 +137,7 @@ struct Measured {
 
 /// Denoises the frame again and again as if it were a sequence; the first is not counted.
 fn measure(context: &Context, frame: &mut FrameBuf, args: &BenchArgs) -> Result<Measured, Failure> {
-    let mut denoiser = Denoiser::with_backend(frame.size, &context.settings, context.backend)?;
+    let mut denoiser = context.backend()?.denoiser(frame.size, &context.settings)?;
     let mut clock = StageClock::default();
     let progress = Progress::new("frame", args.count as usize + 1, context.quiet);
     let begin = Instant::now();
@@ -197,12 +200,18 @@ fn traced(
     Ok((rendered.frame, rays))
 }
 
-fn with_floors(stages: Vec<StageTime>, context: &Context, size: Size, gigabytes_a_second: f64) -> Vec<StageTime> {
+fn with_floors(
+    stages: Vec<StageTime>,
+    context: &Context,
+    backend: &Backend,
+    size: Size,
+    gigabytes_a_second: f64,
+) -> Vec<StageTime> {
     let jitter = stages.iter().any(|s| s.name == Stage::DirectTaa.name());
     let plan = Plan::new(&context.settings, Inputs { jitter, ..Inputs::ALL });
     let with_floor = |mut stage: StageTime| {
         let known = Stage::ALL.into_iter().find(|s| s.name() == stage.name);
-        let bytes = known.and_then(|s| context.backend.bytes_per_pixel(&plan, &context.settings, s));
+        let bytes = known.and_then(|s| backend.bytes_per_pixel(&plan, &context.settings, s));
         stage.bytes_per_pixel = bytes.map(f64::from);
         stage.floor_ms = stage.bytes_per_pixel.map(|b| b * size.pixels() as f64 / (gigabytes_a_second * 1e6));
         stage

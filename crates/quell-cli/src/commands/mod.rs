@@ -13,6 +13,7 @@ mod scenes;
 mod score;
 
 use crate::args::{Cli, Command};
+use crate::backend::adapters;
 use crate::context::{Context, instruction_set};
 use crate::failure::Failure;
 use crate::{interrupt, output};
@@ -76,11 +77,20 @@ fn version(verbose: bool) -> String {
     let mut text = format!("quell {}", env!("CARGO_PKG_VERSION"));
     if verbose {
         let cores = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
+        let (backends, features) = if cfg!(feature = "gpu") {
+            ("cpu, gpu, reference", "cpu, threads, gpu")
+        } else {
+            ("cpu, reference", "cpu, threads")
+        };
         text.push_str(&format!(
-            "\ninstruction set: {}\ncores: {cores}\nback ends: cpu, reference\nfeatures: cpu, threads\nadapters: none (no \
-             GPU back end in this version)",
+            "\ninstruction set: {}\ncores: {cores}\nback ends: {backends}\nfeatures: {features}\nadapters:",
             instruction_set()
         ));
+        let adapters = adapters();
+        if adapters.is_empty() {
+            text.push_str(" none");
+        }
+        adapters.iter().for_each(|adapter| text.push_str(&format!("\n  {adapter}")));
     }
     text
 }

@@ -31,6 +31,7 @@ const FILE_CAMERA: usize = 1;
 const OFFLINE_FRAME: i64 = 24;
 
 pub fn run(context: &Context, args: ReproduceArgs) -> Result<(), Failure> {
+    context.no_gpu("reproduce runs quell")?;
     output::check_folder(&args.output)?;
     let page = args.output.join("index.html");
     output::check_page(&page)?;

@@ -20,7 +20,8 @@ use crate::failure::Failure;
 use crate::interrupt;
 use crate::progress::Progress;
 use files::Files;
-use quell::{Denoiser, Plane, Rgb, Size};
+use quell::{Plane, Rgb, Size};
+use quell_lab::backend::Denoiser;
 use quell_lab::report::{FrameStatus, Status};
 use quell_lab::tone::{Picture, Tone};
 use quell_trace::{Control, RayCounts, RenderOptions, Scene, Tracer};
@@ -92,7 +93,10 @@ impl From<quell_frames::Error> for FrameFailure {
 
 impl From<quell_lab::Error> for FrameFailure {
     fn from(error: quell_lab::Error) -> Self {
-        Self::All(error.into())
+        match error {
+            quell_lab::Error::Quell(error) => error.into(),
+            error => Self::All(error.into()),
+        }
     }
 }
 
@@ -162,11 +166,8 @@ impl Job {
     /// The loop over frames; `Some` where it ended before the last.
     fn render(&self, context: &Context, run: &mut Run) -> Result<Option<Failure>, Failure> {
         let progress = Progress::new("frame", self.frames.len(), context.quiet);
-        let mut denoiser = if self.denoise {
-            Some(Denoiser::with_backend(self.size(), &context.settings, context.backend)?)
-        } else {
-            None
-        };
+        let mut denoiser =
+            if self.denoise { Some(context.backend()?.denoiser(self.size(), &context.settings)?) } else { None };
         for (index, &frame) in self.frames.iter().enumerate() {
             let failure = match self.frame(context, run, &progress, denoiser.as_mut(), index) {
                 Ok(()) => {

@@ -1,0 +1,172 @@
+//! The same frames on the GPU and on the CPU, and what is said where there is no GPU.
+//!
+//! Without an adapter the tests that need one print why they did nothing; with `QUELL_REQUIRE_GPU=1` they fail.
+
+use super::{Folder, err, out, quell};
+use quell::{Plane, Rgb};
+use serde_json::Value;
+use std::path::Path;
+use std::process::Output;
+
+/// How far planes of the GPU may lie from the CPU's.
+struct Bound {
+    plane: &'static str,
+    /// Largest difference, relative to the value plus the plane's mean magnitude.
+    relative: f64,
+    /// Share of values beyond it.
+    flips: f64,
+}
+
+/// As `SEQUENCE` in the agreement of the denoiser's own tests, which says why: positions and reprojection in other
+/// precision, thresholds that flip (stages 3, 6, 8). Those compare with `reference`, from which the CPU's back end may lie
+/// as far away: twice as much here.
+const BOUNDS: [Bound; 6] = [
+    Bound { plane: "composite", relative: 1e-3, flips: 4e-3 },
+    Bound { plane: "direct", relative: 0.0, flips: 0.0 },
+    Bound { plane: "matte", relative: 1e-3, flips: 4e-3 },
+    Bound { plane: "glossy", relative: 1e-3, flips: 4e-3 },
+    Bound { plane: "confidence", relative: 1e-3, flips: 4e-3 },
+    Bound { plane: "history length", relative: 1e-3, flips: 4e-3 },
+];
+
+/// The program with the adapters of this machine, which the other tests hide.
+fn run(folder: &Path, arguments: &[&str]) -> Output {
+    quell(folder).env_remove("WGPU_BACKEND").args(arguments).output().expect("the program starts")
+}
+
+/// The best adapter's name, or `None` after saying that there is none.
+fn adapter(folder: &Path) -> Option<String> {
+    let version = out(&run(folder, &["--version", "-v"]));
+    let listed = version.lines().skip_while(|line| *line != "adapters:").nth(1);
+    let name = listed.and_then(|line| line.trim().split(" (").next()).map(str::to_owned);
+    if name.is_none() {
+        let required = std::env::var_os("QUELL_REQUIRE_GPU").is_some_and(|v| v == "1");
+        assert!(!required, "QUELL_REQUIRE_GPU is set, but there is no adapter: {version}");
+        println!("SKIPPED: there is no adapter");
+    }
+    name
+}
+
+/// Every plane that denoising writes, as numbers, with its scale where that is not its own mean.
+fn planes(path: &Path) -> Vec<(&'static str, Vec<f32>)> {
+    let file = quell_frames::read_frame(path).expect("quell's own file");
+    let colours = |plane: Option<Plane<Rgb>>| plane.expect("a plane").data().iter().flatten().copied().collect();
+    let scalars = |plane: Option<Plane<f32>>| plane.expect("a plane").data().to_vec();
+    vec![
+        ("composite", colours(file.composite)),
+        ("direct", colours(file.frame.direct)),
+        ("matte", colours(file.frame.matte)),
+        ("glossy", colours(file.frame.glossy)),
+        ("confidence", scalars(file.confidence)),
+        ("history length", scalars(file.history_length)),
+    ]
+}
+
+/// The largest difference within the bounds, or which plane is beyond its own.
+fn compare(cpu: &[(&str, Vec<f32>)], gpu: &[(&str, Vec<f32>)]) -> Result<f64, String> {
+    let mut largest = 0.0f64;
+    for (((name, p), (_, q)), bound) in cpu.iter().zip(gpu).zip(&BOUNDS) {
+        assert_eq!(*name, bound.plane);
+        let mean = p.iter().map(|v| f64::from(v.abs())).sum::<f64>() / p.len() as f64;
+        let off = |(p, q): (&f32, &f32)| {
+            let scale = f64::from(p.abs().max(q.abs())) + mean;
+            let d = f64::from((p - q).abs()) / if scale > 0.0 { scale } else { 1.0 };
+            if d.is_nan() { f64::INFINITY } else { d }
+        };
+        let differences: Vec<f64> = p.iter().zip(q).map(off).collect();
+        let flipped = differences.iter().filter(|d| **d > bound.relative).count();
+        if flipped as f64 > bound.flips * p.len() as f64 {
+            let most = differences.iter().copied().fold(0.0, f64::max);
+            return Err(format!("{name}: {flipped} of {} values differ, by up to {most:e}", p.len()));
+        }
+        largest = differences.into_iter().filter(|d| *d <= bound.relative).fold(largest, f64::max);
+    }
+    Ok(largest)
+}
+
+#[test]
+fn render_gives_the_pictures_of_the_cpu() {
+    let folder = Folder::new("gpu render");
+    let Some(adapter) = adapter(&folder.0) else { return };
+    let render = |output: &str, options: &[&str]| {
+        let fixed =
+            ["render", "glossy-room", "--size", "80x45", "--frames", "0-5", "--jitter", "--direct-samples", "1"];
+        let done = run(&folder.0, &[&fixed[..], &["-o", output, "-v", "--report", "report.json"], options].concat());
+        assert_eq!(done.status.code(), Some(0), "{}", err(&done));
+        let report = std::fs::read_to_string(folder.0.join("report.json")).expect("the report");
+        (err(&done), serde_json::from_str::<Value>(&report).expect("JSON"))
+    };
+    let (_, report) = render("cpu", &["--backend", "cpu"]);
+    assert_eq!((&report["settings"]["backend"], &report["machine"]["adapter"]), (&"cpu".into(), &Value::Null));
+    let (messages, report) = render("gpu", &["--backend", "gpu", "--device", &adapter.to_uppercase()]);
+    assert_eq!(report["settings"]["backend"], "gpu");
+    let named = report["machine"]["adapter"].as_str().expect("the adapter");
+    assert!(named.starts_with(&adapter) && messages.contains(&format!("back end: gpu on {adapter}")), "{messages}");
+
+    let file = |kind: &str, frame: i64| {
+        planes(&quell_frames::frame_path(&folder.0.join(kind).join("denoised"), "denoised", frame))
+    };
+    for frame in [0, 1, 5] {
+        let (cpu, gpu) = (file("cpu", frame), file("gpu", frame));
+        match compare(&cpu, &gpu) {
+            Ok(largest) => println!("frame {frame} on {adapter}: {largest:.1e}"),
+            Err(difference) => panic!("frame {frame} on {adapter}: {difference}"),
+        }
+        // The first frame has no history to differ in.
+        assert!(frame == 0 || cpu != gpu, "both ran on the same back end");
+        // What the comparison must see: another frame, and each plane off by 1 %.
+        assert!(compare(&cpu, &file("gpu", if frame == 0 { 1 } else { frame - 1 })).is_err());
+        for k in 0..gpu.len() {
+            let mut changed = gpu.clone();
+            changed[k].1.iter_mut().for_each(|v| *v = *v * 1.01 + 0.01 * f32::from(*v == 0.0));
+            assert!(compare(&cpu, &changed).is_err(), "{} off by 1 % went unseen", changed[k].0);
+        }
+    }
+}
+
+#[test]
+fn a_device_that_is_not_there_is_named_with_those_that_are() {
+    let folder = Folder::new("gpu names");
+    let small = ["bench", "--size", "16x9", "--count", "1"];
+    let with = |options: &[&str]| run(&folder.0, &[&small[..], options].concat());
+    let known = adapter(&folder.0).unwrap_or_default();
+    for options in [&["--device", "voodoo"][..], &["--backend", "gpu", "--device", "voodoo"]] {
+        let output = with(options);
+        assert_eq!(output.status.code(), Some(2), "{}", err(&output));
+        assert!(err(&output).contains("`voodoo`") && err(&output).contains(&known), "{}", err(&output));
+    }
+    let output = with(&["--backend", "cpu", "--device", "voodoo"]);
+    assert_eq!(output.status.code(), Some(2));
+    assert!(err(&output).contains("--device names a GPU"), "{}", err(&output));
+}
+
+#[test]
+fn without_a_gpu_auto_takes_the_cpu_and_says_so() {
+    let folder = Folder::new("gpu none");
+    let small = ["bench", "--size", "16x9", "--count", "1"];
+    // No adapter is seen through an API that this program was not built for.
+    let with = |options: &[&str]| super::run(&folder.0, &[&small[..], options].concat());
+    let output = with(&["-v", "--report", "report.json"]);
+    assert_eq!(output.status.code(), Some(0), "{}", err(&output));
+    assert!(err(&output).contains("back end: cpu (auto: there is no GPU"), "{}", err(&output));
+    let report = std::fs::read_to_string(folder.0.join("report.json")).expect("the report");
+    let report: Value = serde_json::from_str(&report).expect("JSON");
+    assert_eq!(report["settings"]["backend"], "cpu");
+    assert!(report["settings"]["backend_why"].as_str().expect("a reason").contains("there is no GPU"));
+    let output = with(&["--backend", "gpu"]);
+    assert_eq!(output.status.code(), Some(1), "{}", err(&output));
+    assert!(err(&output).contains("there is no GPU"), "{}", err(&output));
+}
+
+#[test]
+fn a_filter_without_a_twin_on_the_gpu_says_so() {
+    let folder = Folder::new("gpu refused");
+    for command in [&["denoise", "x.exr", "-o", "y"][..], &["compare", "cornell-box", "-o", "y"], &["reproduce"]] {
+        for option in [&["--backend", "gpu"][..], &["--device", "llvmpipe"]] {
+            let output = run(&folder.0, &[command, option].concat());
+            assert_eq!(output.status.code(), Some(2), "{command:?}: {}", err(&output));
+            assert!(err(&output).contains("on the CPU only"), "{command:?}: {}", err(&output));
+        }
+    }
+    assert!(folder.files("").is_empty());
+}

@@ -1,0 +1,195 @@
+//! Frames in, frames out.
+
+use super::device::Gpu;
+use super::error::Error;
+use quell::gpu::{PackedFrame, PackedSignal, unpack_colours, unpack_state, wgpu};
+use quell::{Camera, Frame, Output, OutputBuf, Plane, Report, Settings, Size};
+use std::collections::HashMap;
+use std::sync::Arc;
+use std::time::Instant;
+use wgpu::BufferUsages;
+
+/// [`quell::Denoiser`]'s twin on a device of this program.
+#[derive(Debug)]
+pub struct Denoiser {
+    gpu: Arc<Gpu>,
+    guest: quell::gpu::Denoiser,
+    size: Size,
+    planes: HashMap<&'static str, wgpu::Buffer>,
+    uploaded: Option<Uploaded>,
+    output: Option<OutputBuf>,
+}
+
+/// What of a frame is not in a buffer.
+#[derive(Clone, Copy, Debug)]
+struct Uploaded {
+    camera: Camera,
+    previous_camera: Camera,
+    index: i64,
+    has_roughness: bool,
+    has_glossy_hit: bool,
+    signals: [Option<Terms>; 2],
+    sanitised: quell::border::Sanitised,
+}
+
+/// What of a signal is there besides its light.
+#[derive(Clone, Copy, Debug)]
+struct Terms {
+    weight: bool,
+    direct: bool,
+}
+
+/// Names of a signal's planes: light, weight, noisy direct light.
+const NAMES: [[&str; 3]; 2] = [["matte", "matte_weight", "direct_matte"], ["glossy", "glossy_weight", "direct_glossy"]];
+
+impl Denoiser {
+    /// A denoiser for frames of `size`.
+    ///
+    /// # Errors
+    /// A size or a setting that the denoiser refuses; the device's memory.
+    pub fn new(gpu: Arc<Gpu>, size: Size, settings: &Settings) -> Result<Self, Error> {
+        let guest = quell::gpu::Denoiser::new(gpu.device(), size, settings)?;
+        gpu.check(&format!("the planes of {size}"))?;
+        Ok(Self { gpu, guest, size, planes: HashMap::new(), uploaded: None, output: None })
+    }
+
+    /// Forgets history: the next frame starts afresh.
+    pub fn reset(&mut self) {
+        self.guest.reset();
+    }
+
+    /// Filters the next frame: uploads it, runs it, reads it back.
+    ///
+    /// # Errors
+    /// What [`quell::Frame::check`] finds; joint passes; what the device reports.
+    pub fn denoise(&mut self, frame: &Frame<'_>) -> Result<Output<'_>, Error> {
+        let begin = Instant::now();
+        self.upload(frame)?;
+        let uploading = begin.elapsed();
+        let (encoded, _) = self.run()?;
+        let begin = Instant::now();
+        let mut read = self.read(&encoded)?;
+        read.report.times.border = uploading + begin.elapsed();
+        Ok(self.output.insert(read).output())
+    }
+
+    /// Brings a frame onto the device, for [`Denoiser::run`].
+    ///
+    /// # Errors
+    /// What [`quell::Frame::check`] finds; joint passes; what the device reports.
+    pub fn upload(&mut self, frame: &Frame<'_>) -> Result<(), Error> {
+        if !frame.passes.is_empty() {
+            return Err(Error::Missing { what: "joint passes" });
+        }
+        frame.check(self.size).map_err(quell::gpu::Error::Denoiser)?;
+        let packed = PackedFrame::new(frame).map_err(quell::gpu::Error::Denoiser)?;
+        self.write("guides", &packed.guides);
+        self.write("direct", &packed.direct);
+        for (signal, names) in [&packed.matte, &packed.glossy].into_iter().zip(NAMES) {
+            let Some(PackedSignal { light, weight, direct }) = signal else { continue };
+            for (bytes, name) in [Some(light), weight.as_ref(), direct.as_ref()].into_iter().zip(names) {
+                if let Some(bytes) = bytes {
+                    self.write(name, bytes);
+                }
+            }
+        }
+        let terms = |signal: &Option<PackedSignal>| {
+            signal.as_ref().map(|s| Terms { weight: s.weight.is_some(), direct: s.direct.is_some() })
+        };
+        self.uploaded = Some(Uploaded {
+            camera: frame.camera,
+            previous_camera: frame.previous_camera,
+            index: frame.index,
+            has_roughness: packed.has_roughness,
+            has_glossy_hit: packed.has_glossy_hit,
+            signals: [terms(&packed.matte), terms(&packed.glossy)],
+            sanitised: packed.sanitised,
+        });
+        // Without this the copies would run, and be timed, with the frame.
+        self.gpu.queue().submit([]);
+        self.gpu.wait("uploading a frame")
+    }
+
+    /// Runs what was uploaded, as the frame after the one before; the wall time from encoding to the end.
+    ///
+    /// # Errors
+    /// Nothing was uploaded; what the device reports.
+    pub fn run(&mut self) -> Result<(quell::gpu::Output, std::time::Duration), Error> {
+        let Some(uploaded) = &mut self.uploaded else {
+            return Err(Error::Missing { what: "frame that was uploaded" });
+        };
+        let plane = |name: &str| self.planes.get(name);
+        let (Some(guides), Some(direct)) = (plane("guides"), plane("direct")) else {
+            return Err(Error::Missing { what: "frame that was uploaded" });
+        };
+        let signal = |k: usize| {
+            let (terms, names) = (uploaded.signals[k]?, NAMES[k]);
+            Some(quell::gpu::Signal {
+                light: plane(names[0])?,
+                weight: plane(names[1]).filter(|_| terms.weight),
+                direct: plane(names[2]).filter(|_| terms.direct),
+            })
+        };
+        let frame = quell::gpu::Frame {
+            camera: uploaded.camera,
+            previous_camera: uploaded.previous_camera,
+            index: uploaded.index,
+            guides,
+            has_roughness: uploaded.has_roughness,
+            has_glossy_hit: uploaded.has_glossy_hit,
+            direct,
+            matte: signal(0),
+            glossy: signal(1),
+        };
+        let begin = Instant::now();
+        let mut encoder = self.gpu.encoder("quell host");
+        let output = self.guest.encode(self.gpu.device(), &mut encoder, &frame)?;
+        self.gpu.run(encoder, "a frame")?;
+        Ok((output, begin.elapsed()))
+    }
+
+    fn read(&self, encoded: &quell::gpu::Output) -> Result<OutputBuf, Error> {
+        let what = "reading a frame back";
+        let named = [Some(&encoded.composite), Some(&encoded.direct), encoded.matte.as_ref(), encoded.glossy.as_ref()];
+        let mut buffers: Vec<(&wgpu::Buffer, u64)> = named.iter().flatten().map(|b| (*b, b.size())).collect();
+        buffers.extend(encoded.state.as_ref().map(|b| (b, b.size())));
+        let mut contents = self.gpu.read(&buffers, what)?.into_iter();
+        let short = || Error::Refused {
+            adapter: self.gpu.adapter().name.clone(),
+            what: what.to_owned(),
+            reason: "a buffer holds no whole plane".to_owned(),
+        };
+        let mut colour = || contents.next().and_then(|bytes| unpack_colours(&bytes, self.size)).ok_or_else(short);
+        let (composite, direct) = (colour()?, colour()?);
+        let matte = encoded.matte.as_ref().map(|_| colour()).transpose()?;
+        let glossy = encoded.glossy.as_ref().map(|_| colour()).transpose()?;
+        let [confidence, history_length] = match contents.next() {
+            Some(bytes) => unpack_state(&bytes, self.size).ok_or_else(short)?,
+            None => [Plane::filled(self.size, 0.0), Plane::filled(self.size, 1.0)],
+        };
+        let report = Report {
+            sanitised: self.uploaded.map(|u| u.sanitised).unwrap_or_default(),
+            reset_pixels: confidence.data().iter().filter(|c| **c == 0.0).count() as u64,
+            had_history: encoded.had_history,
+            times: quell::report::StageTimes::default(),
+        };
+        Ok(OutputBuf {
+            composite,
+            direct,
+            matte: matte.into_iter().collect(),
+            glossy: glossy.into_iter().collect(),
+            confidence,
+            history_length,
+            report,
+        })
+    }
+
+    /// Fills the buffer of a plane; it is made where there is none.
+    fn write(&mut self, name: &'static str, bytes: &[u8]) {
+        let usage = BufferUsages::STORAGE | BufferUsages::COPY_SRC | BufferUsages::COPY_DST;
+        let gpu = &self.gpu;
+        let new = || gpu.buffer(&format!("quell host {name}"), bytes.len() as u64, usage);
+        let buffer = self.planes.entry(name).or_insert_with(new);
+        gpu.queue().write_buffer(buffer, 0, bytes);
+    }
+}

@@ -1,0 +1,178 @@
+//! The device, its queue, and what goes wrong with them.
+
+use super::adapter::{self, Adapter, Wanted};
+use super::error::Error;
+use quell::gpu::wgpu;
+use std::pin::pin;
+use std::sync::{Arc, Mutex, PoisonError};
+use std::task::{Context, Poll, Waker};
+
+/// Futures of native back ends are ready when they are made.
+pub(super) fn now<T>(future: impl Future<Output = T>) -> T {
+    let mut future = pin!(future);
+    loop {
+        if let Poll::Ready(value) = future.as_mut().poll(&mut Context::from_waker(Waker::noop())) {
+            return value;
+        }
+        std::thread::yield_now();
+    }
+}
+
+/// What a device reported by itself.
+#[derive(Clone, Debug)]
+enum Trouble {
+    OutOfMemory,
+    Lost(String),
+    Refused(String),
+}
+
+/// A device of this program's own.
+#[derive(Debug)]
+pub struct Gpu {
+    adapter: Adapter,
+    device: wgpu::Device,
+    queue: wgpu::Queue,
+    trouble: Arc<Mutex<Option<Trouble>>>,
+}
+
+impl Gpu {
+    /// Opens the adapter that is meant, with WebGPU's default limits (buffers as large as the adapter allows) and
+    /// timestamps where it has them.
+    ///
+    /// # Errors
+    /// There is none; its driver gives no device.
+    pub fn open(wanted: Wanted<'_>) -> Result<Self, Error> {
+        let found = adapter::find(wanted)?;
+        let adapter = Adapter::of(&found.get_info());
+        let most = found.limits();
+        let descriptor = wgpu::DeviceDescriptor {
+            label: Some("quell"),
+            required_features: found.features() & wgpu::Features::TIMESTAMP_QUERY,
+            required_limits: wgpu::Limits {
+                max_buffer_size: most.max_buffer_size,
+                max_storage_buffer_binding_size: most.max_storage_buffer_binding_size,
+                ..wgpu::Limits::default()
+            },
+            ..Default::default()
+        };
+        let (device, queue) = now(found.request_device(&descriptor))
+            .map_err(|e| Error::NoDevice { adapter: adapter.to_string(), reason: e.to_string() })?;
+        let trouble = Arc::new(Mutex::new(None));
+        // The first is kept: what follows follows from it.
+        let note = |trouble: &Mutex<Option<Trouble>>, new| {
+            trouble.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert(new);
+        };
+        let noted = Arc::clone(&trouble);
+        device.on_uncaptured_error(Arc::new(move |error: wgpu::Error| {
+            let new = match error {
+                wgpu::Error::OutOfMemory { .. } => Trouble::OutOfMemory,
+                wgpu::Error::Validation { description, .. } | wgpu::Error::Internal { description, .. } => {
+                    Trouble::Refused(description)
+                }
+            };
+            note(&noted, new);
+        }));
+        let noted = Arc::clone(&trouble);
+        device.set_device_lost_callback(move |reason, words| {
+            // The program itself lets go of it at its end.
+            if reason != wgpu::DeviceLostReason::Destroyed {
+                note(&noted, Trouble::Lost(words));
+            }
+        });
+        Ok(Self { adapter, device, queue, trouble })
+    }
+
+    /// What a user sees of it.
+    pub fn adapter(&self) -> &Adapter {
+        &self.adapter
+    }
+
+    /// The device.
+    pub fn device(&self) -> &wgpu::Device {
+        &self.device
+    }
+
+    /// Its queue.
+    pub fn queue(&self) -> &wgpu::Queue {
+        &self.queue
+    }
+
+    /// An encoder for commands.
+    pub fn encoder(&self, label: &str) -> wgpu::CommandEncoder {
+        self.device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some(label) })
+    }
+
+    /// A buffer without contents.
+    pub fn buffer(&self, label: &str, bytes: u64, usage: wgpu::BufferUsages) -> wgpu::Buffer {
+        let size = bytes.next_multiple_of(wgpu::COPY_BUFFER_ALIGNMENT);
+        self.device.create_buffer(&wgpu::BufferDescriptor {
+            label: Some(label),
+            size,
+            usage,
+            mapped_at_creation: false,
+        })
+    }
+
+    /// Fails with what the device reported since it was opened; `what` was being done.
+    ///
+    /// # Errors
+    /// Memory ran out, the device was lost, wgpu refused a call.
+    pub fn check(&self, what: &str) -> Result<(), Error> {
+        let trouble = self.trouble.lock().unwrap_or_else(PoisonError::into_inner).clone();
+        let (adapter, what) = (self.adapter.name.clone(), what.to_owned());
+        match trouble {
+            None => Ok(()),
+            Some(Trouble::OutOfMemory) => Err(Error::OutOfMemory { adapter, what }),
+            Some(Trouble::Lost(reason)) => Err(Error::Lost { adapter, what, reason }),
+            Some(Trouble::Refused(reason)) => Err(Error::Refused { adapter, what, reason }),
+        }
+    }
+
+    /// Submits what was encoded; returns when it has run.
+    ///
+    /// # Errors
+    /// As [`Gpu::check`].
+    pub fn run(&self, encoder: wgpu::CommandEncoder, what: &str) -> Result<(), Error> {
+        self.queue.submit([encoder.finish()]);
+        self.wait(what)
+    }
+
+    /// Returns when everything submitted has run.
+    ///
+    /// # Errors
+    /// As [`Gpu::check`].
+    pub fn wait(&self, what: &str) -> Result<(), Error> {
+        let waited = self.device.poll(wgpu::PollType::wait_indefinitely());
+        self.check(what)?;
+        waited.map(|_| ()).map_err(|e| self.refused(what, &e))
+    }
+
+    /// The first `bytes` of buffers, once everything submitted has run.
+    ///
+    /// # Errors
+    /// As [`Gpu::check`].
+    pub fn read(&self, buffers: &[(&wgpu::Buffer, u64)], what: &str) -> Result<Vec<Vec<u8>>, Error> {
+        let mut encoder = self.encoder("quell host reads");
+        let copy = |(buffer, bytes): &(&wgpu::Buffer, u64)| {
+            let usage = wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST;
+            let copy = self.buffer("quell host reads", *bytes, usage);
+            encoder.copy_buffer_to_buffer(buffer, 0, &copy, 0, *bytes);
+            copy
+        };
+        let copies: Vec<wgpu::Buffer> = buffers.iter().map(copy).collect();
+        self.queue.submit([encoder.finish()]);
+        for copy in &copies {
+            // Whether it went well shows where the range is taken.
+            copy.map_async(wgpu::MapMode::Read, .., |_| ());
+        }
+        self.wait(what)?;
+        let bytes = |copy: &wgpu::Buffer| {
+            copy.get_mapped_range(..).map(|range| range.to_vec()).map_err(|e| self.refused(what, &e))
+        };
+        copies.iter().map(bytes).collect()
+    }
+
+    fn refused(&self, what: &str, reason: &dyn std::fmt::Display) -> Error {
+        Error::Refused { adapter: self.adapter.name.clone(), what: what.to_owned(), reason: reason.to_string() }
+    }
+}

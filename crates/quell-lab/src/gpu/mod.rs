@@ -1,0 +1,22 @@
+//! A host for [`quell::gpu::Denoiser`], which itself is a pure guest: it finds a device, uploads frames, submits, waits and
+//! reads back, so that a program whose frames lie in memory can use the GPU like any back end.
+//!
+//! ```text
+//! adapter.rs    which adapters there are, and which one is meant
+//! device.rs     the device, its queue, and what goes wrong with them
+//! bandwidth.rs  how many bytes a second the device moves
+//! denoiser.rs   frames in, frames out
+//! error.rs      every error
+//! ```
+
+mod adapter;
+mod bandwidth;
+mod denoiser;
+mod device;
+mod error;
+
+pub use adapter::{Adapter, Wanted, adapters};
+pub use bandwidth::copy_speed;
+pub use denoiser::Denoiser;
+pub use device::Gpu;
+pub use error::Error;
