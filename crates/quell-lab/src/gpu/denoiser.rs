@@ -2,12 +2,17 @@
 
 use super::device::Gpu;
 use super::error::Error;
-use quell::gpu::{PackedFrame, PackedSignal, unpack_colours, unpack_state, wgpu};
+use quell::gpu::{
+    Options, PackedFrame, PackedGuides, PackedSignal, Storage, Texel, unpack_colours, unpack_fourth, unpack_numbers,
+    wgpu,
+};
 use quell::{Camera, Frame, Output, OutputBuf, Plane, Report, Settings, Size};
 use std::collections::HashMap;
 use std::sync::Arc;
 use std::time::Instant;
-use wgpu::BufferUsages;
+
+/// How a frame's colours come onto the device.
+const COLOUR: wgpu::TextureFormat = wgpu::TextureFormat::Rgba32Float;
 
 /// [`quell::Denoiser`]'s twin on a device of this program.
 #[derive(Debug)]
@@ -15,12 +20,12 @@ pub struct Denoiser {
     gpu: Arc<Gpu>,
     guest: quell::gpu::Denoiser,
     size: Size,
-    planes: HashMap<&'static str, wgpu::Buffer>,
+    planes: HashMap<&'static str, wgpu::TextureView>,
     uploaded: Option<Uploaded>,
     output: Option<OutputBuf>,
 }
 
-/// What of a frame is not in a buffer.
+/// What of a frame is not in a texture.
 #[derive(Clone, Copy, Debug)]
 struct Uploaded {
     camera: Camera,
@@ -48,7 +53,9 @@ impl Denoiser {
     /// # Errors
     /// A size or a setting that the denoiser refuses; the device's memory.
     pub fn new(gpu: Arc<Gpu>, size: Size, settings: &Settings) -> Result<Self, Error> {
-        let guest = quell::gpu::Denoiser::new(gpu.device(), size, settings)?;
+        let mut options = Options::new(settings);
+        options.storage = Storage::Float;
+        let guest = quell::gpu::Denoiser::new(gpu.device(), size, &options)?;
         gpu.check(&format!("the planes of {size}"))?;
         Ok(Self { gpu, guest, size, planes: HashMap::new(), uploaded: None, output: None })
     }
@@ -82,14 +89,21 @@ impl Denoiser {
             return Err(Error::Missing { what: "joint passes" });
         }
         frame.check(self.size).map_err(quell::gpu::Error::Denoiser)?;
-        let packed = PackedFrame::new(frame).map_err(quell::gpu::Error::Denoiser)?;
-        self.write("guides", &packed.guides);
-        self.write("direct", &packed.direct);
+        let packed = PackedFrame::new(frame, self.guest.storage()).map_err(quell::gpu::Error::Denoiser)?;
+        let storage = self.guest.storage();
+        for (name, texel, texels) in [
+            ("geometry", Texel::Geometry, &packed.guides.geometry),
+            ("surface", Texel::Surface, &packed.guides.surface),
+            ("moving", Texel::Moving, &packed.guides.moving),
+        ] {
+            self.write(name, texel.format(storage), texels);
+        }
+        self.write("direct", COLOUR, &packed.direct);
         for (signal, names) in [&packed.matte, &packed.glossy].into_iter().zip(NAMES) {
             let Some(PackedSignal { light, weight, direct }) = signal else { continue };
             for (bytes, name) in [Some(light), weight.as_ref(), direct.as_ref()].into_iter().zip(names) {
                 if let Some(bytes) = bytes {
-                    self.write(name, bytes);
+                    self.write(name, COLOUR, bytes);
                 }
             }
         }
@@ -119,7 +133,9 @@ impl Denoiser {
             return Err(Error::Missing { what: "frame that was uploaded" });
         };
         let plane = |name: &str| self.planes.get(name);
-        let (Some(guides), Some(direct)) = (plane("guides"), plane("direct")) else {
+        let (Some(geometry), Some(surface), Some(moving), Some(direct)) =
+            (plane("geometry"), plane("surface"), plane("moving"), plane("direct"))
+        else {
             return Err(Error::Missing { what: "frame that was uploaded" });
         };
         let signal = |k: usize| {
@@ -134,7 +150,7 @@ impl Denoiser {
             camera: uploaded.camera,
             previous_camera: uploaded.previous_camera,
             index: uploaded.index,
-            guides,
+            guides: PackedGuides { geometry, surface, moving },
             has_roughness: uploaded.has_roughness,
             has_glossy_hit: uploaded.has_glossy_hit,
             direct,
@@ -151,21 +167,27 @@ impl Denoiser {
     fn read(&self, encoded: &quell::gpu::Output) -> Result<OutputBuf, Error> {
         let what = "reading a frame back";
         let named = [Some(&encoded.composite), Some(&encoded.direct), encoded.matte.as_ref(), encoded.glossy.as_ref()];
-        let mut buffers: Vec<(&wgpu::Buffer, u64)> = named.iter().flatten().map(|b| (*b, b.size())).collect();
-        buffers.extend(encoded.state.as_ref().map(|b| (b, b.size())));
-        let mut contents = self.gpu.read(&buffers, what)?.into_iter();
+        let state = encoded.confidence.iter().chain(&encoded.history_length);
+        let textures: Vec<&wgpu::Texture> = named.into_iter().flatten().chain(state).map(|v| v.texture()).collect();
+        let contents = self.gpu.read_textures(&textures, what)?;
+        let mut contents = textures.iter().map(|t| t.format()).zip(contents);
         let short = || Error::Refused {
             adapter: self.gpu.adapter().name.clone(),
             what: what.to_owned(),
-            reason: "a buffer holds no whole plane".to_owned(),
+            reason: "a texture holds no whole plane".to_owned(),
         };
-        let mut colour = || contents.next().and_then(|bytes| unpack_colours(&bytes, self.size)).ok_or_else(short);
+        let mut colour =
+            || contents.next().and_then(|(f, texels)| unpack_colours(&texels, self.size, f)).ok_or_else(short);
         let (composite, direct) = (colour()?, colour()?);
         let matte = encoded.matte.as_ref().map(|_| colour()).transpose()?;
         let glossy = encoded.glossy.as_ref().map(|_| colour()).transpose()?;
-        let [confidence, history_length] = match contents.next() {
-            Some(bytes) => unpack_state(&bytes, self.size).ok_or_else(short)?,
-            None => [Plane::filled(self.size, 0.0), Plane::filled(self.size, 1.0)],
+        let confidence = match contents.next() {
+            Some((format, texels)) => unpack_fourth(&texels, self.size, format).ok_or_else(short)?,
+            None => Plane::filled(self.size, 0.0),
+        };
+        let history_length = match contents.next() {
+            Some((_, texels)) => unpack_numbers(&texels, self.size).ok_or_else(short)?,
+            None => Plane::filled(self.size, 1.0),
         };
         let report = Report {
             sanitised: self.uploaded.map(|u| u.sanitised).unwrap_or_default(),
@@ -184,12 +206,14 @@ impl Denoiser {
         })
     }
 
-    /// Fills the buffer of a plane; it is made where there is none.
-    fn write(&mut self, name: &'static str, bytes: &[u8]) {
-        let usage = BufferUsages::STORAGE | BufferUsages::COPY_SRC | BufferUsages::COPY_DST;
-        let gpu = &self.gpu;
-        let new = || gpu.buffer(&format!("quell host {name}"), bytes.len() as u64, usage);
-        let buffer = self.planes.entry(name).or_insert_with(new);
-        gpu.queue().write_buffer(buffer, 0, bytes);
+    /// Fills the texture of a plane; it is made where there is none.
+    fn write(&mut self, name: &'static str, format: wgpu::TextureFormat, texels: &[u8]) {
+        match self.planes.get(name) {
+            Some(view) => self.gpu.write_texture(view.texture(), texels),
+            None => {
+                let view = self.gpu.texture(&format!("quell host {name}"), self.size, format, texels);
+                self.planes.insert(name, view);
+            }
+        }
     }
 }

@@ -172,7 +172,70 @@ impl Gpu {
         copies.iter().map(bytes).collect()
     }
 
+    /// A texture of one plane that holds these texels, row by row without padding.
+    pub fn texture(
+        &self,
+        label: &str,
+        size: quell::Size,
+        format: wgpu::TextureFormat,
+        texels: &[u8],
+    ) -> wgpu::TextureView {
+        let extent = extent_of(size);
+        let texture = self.device.create_texture(&wgpu::TextureDescriptor {
+            label: Some(label),
+            size: extent,
+            mip_level_count: 1,
+            sample_count: 1,
+            dimension: wgpu::TextureDimension::D2,
+            format,
+            usage: wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::COPY_SRC | wgpu::TextureUsages::COPY_DST,
+            view_formats: &[],
+        });
+        self.write_texture(&texture, texels);
+        texture.create_view(&wgpu::TextureViewDescriptor { label: Some(label), ..Default::default() })
+    }
+
+    /// Fills a texture.
+    pub fn write_texture(&self, texture: &wgpu::Texture, texels: &[u8]) {
+        let row = texture.format().block_copy_size(None).unwrap_or(0) * texture.width();
+        let layout = wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(row), rows_per_image: None };
+        self.queue.write_texture(texture.as_image_copy(), texels, layout, texture.size());
+    }
+
+    /// The texels of textures, row by row without padding, once everything submitted has run.
+    ///
+    /// # Errors
+    /// As [`Gpu::check`].
+    pub fn read_textures(&self, textures: &[&wgpu::Texture], what: &str) -> Result<Vec<Vec<u8>>, Error> {
+        let mut encoder = self.encoder("quell host reads");
+        let row_of = |texture: &wgpu::Texture| texture.format().block_copy_size(None).unwrap_or(0) * texture.width();
+        let padded_of = |texture: &wgpu::Texture| row_of(texture).next_multiple_of(wgpu::COPY_BYTES_PER_ROW_ALIGNMENT);
+        let copy = |texture: &&wgpu::Texture| {
+            let padded = padded_of(texture);
+            let usage = wgpu::BufferUsages::COPY_SRC | wgpu::BufferUsages::COPY_DST;
+            let buffer = self.buffer("quell host reads", u64::from(padded) * u64::from(texture.height()), usage);
+            let layout = wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(padded), rows_per_image: None };
+            let to = wgpu::TexelCopyBufferInfo { buffer: &buffer, layout };
+            encoder.copy_texture_to_buffer(texture.as_image_copy(), to, texture.size());
+            buffer
+        };
+        let copies: Vec<wgpu::Buffer> = textures.iter().map(copy).collect();
+        self.queue.submit([encoder.finish()]);
+        let buffers: Vec<_> = copies.iter().map(|buffer| (buffer, buffer.size())).collect();
+        let contents = self.read(&buffers, what)?;
+        let packed = textures.iter().zip(contents).map(|(texture, bytes)| {
+            let (row, padded) = (row_of(texture) as usize, padded_of(texture) as usize);
+            bytes.chunks_exact(padded.max(1)).flat_map(|r| r.get(..row).unwrap_or_default()).copied().collect()
+        });
+        Ok(packed.collect())
+    }
+
     fn refused(&self, what: &str, reason: &dyn std::fmt::Display) -> Error {
         Error::Refused { adapter: self.adapter.name.clone(), what: what.to_owned(), reason: reason.to_string() }
     }
+}
+
+fn extent_of(size: quell::Size) -> wgpu::Extent3d {
+    let side = |n: usize| u32::try_from(n).unwrap_or(u32::MAX);
+    wgpu::Extent3d { width: side(size.width), height: side(size.height), depth_or_array_layers: 1 }
 }

@@ -6,9 +6,9 @@ use crate::plane::Size;
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
-    /// Another number of buffers than the pass has bindings.
-    #[error("pass `{pass}` takes {expected} buffers, but got {found}")]
-    BufferCount {
+    /// Another number of resources than the pass has bindings.
+    #[error("pass `{pass}` takes {expected} resources, but got {found}")]
+    Count {
         /// The pass.
         pass: &'static str,
         /// What it takes.
@@ -16,67 +16,49 @@ pub enum Error {
         /// What it was given.
         found: usize,
     },
-    /// A buffer cannot hold its plane.
-    #[error("pass `{pass}`: buffer `{binding}` holds {found} bytes; a plane of {size} needs {needed}")]
-    BufferSize {
+    /// A resource of another kind: a buffer for a texture, or a texture of another dimension.
+    #[error("pass `{pass}`: `{binding}` must be {expected}")]
+    Kind {
         /// The pass.
         pass: &'static str,
         /// The binding.
         binding: &'static str,
-        /// The image's extent.
-        size: Size,
-        /// Bytes needed.
-        needed: u64,
-        /// Bytes there.
-        found: u64,
-    },
-    /// A buffer lacks a usage.
-    #[error("pass `{pass}`: buffer `{binding}` was made without the usage {usage}")]
-    BufferUsage {
-        /// The pass.
-        pass: &'static str,
-        /// The binding.
-        binding: &'static str,
-        /// What it lacks.
-        usage: &'static str,
-    },
-    /// A texture's format does not fit its plane.
-    #[error("plane `{plane}` is a texture of {format:?}; it needs {expected}")]
-    TextureFormat {
-        /// The plane.
-        plane: &'static str,
-        /// The texture's format.
-        format: wgpu::TextureFormat,
-        /// What would do.
+        /// What it takes.
         expected: &'static str,
     },
-    /// A texture lacks a usage.
-    #[error("the texture of plane `{plane}` was made without the usage {usage}")]
-    TextureUsage {
-        /// The plane.
-        plane: &'static str,
-        /// What it lacks.
-        usage: &'static str,
-    },
-    /// A texture is multisampled, or not two-dimensional.
-    #[error(
-        "the texture of plane `{plane}` must be two-dimensional with one sample a texel (it has {samples}); resolve it first"
-    )]
-    TextureKind {
-        /// The plane.
-        plane: &'static str,
-        /// Its samples.
-        samples: u32,
-    },
-    /// A texture is smaller than the frame.
-    #[error("the texture of plane `{plane}` is {found}, smaller than the frame's {size}")]
+    /// A texture cannot hold its plane.
+    #[error("pass `{pass}`: texture `{binding}` is {found}; the frame needs {needed}")]
     TextureSize {
-        /// The plane.
-        plane: &'static str,
+        /// The pass.
+        pass: &'static str,
+        /// The binding.
+        binding: &'static str,
         /// The frame's extent.
-        size: Size,
+        needed: Size,
         /// The texture's.
         found: Size,
+    },
+    /// A texture of another format.
+    #[error("pass `{pass}`: texture `{binding}` has the format {found:?}; it must be {expected}")]
+    Format {
+        /// The pass.
+        pass: &'static str,
+        /// The binding.
+        binding: &'static str,
+        /// What it takes.
+        expected: &'static str,
+        /// What it was given.
+        found: wgpu::TextureFormat,
+    },
+    /// A resource lacks a usage.
+    #[error("pass `{pass}`: `{binding}` was made without the usage {usage}")]
+    Usage {
+        /// The pass.
+        pass: &'static str,
+        /// The binding.
+        binding: &'static str,
+        /// What it lacks.
+        usage: &'static str,
     },
     /// A setting, a size or a camera that no back end takes.
     #[error(transparent)]

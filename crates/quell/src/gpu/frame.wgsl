@@ -31,7 +31,10 @@ struct Frame {
     jitter: vec2f,
     before_jitter: vec2f,
     size: vec2u,
-    has_history: u32,
+    // Which images of the frame before may be used.
+    matte_history: u32,
+    glossy_history: u32,
+    direct_history: u32,
     has_glossy_hit: u32,
     has_roughness: u32,
 }
@@ -87,8 +90,4 @@ fn pixel_size_at(view: View, view_depth: f32) -> f32 {
 
 fn contains(pixel: vec2i) -> bool {
     return all(pixel >= vec2i(0)) && all(pixel < vec2i(frame.size));
-}
-
-fn index_of(pixel: vec2i) -> u32 {
-    return u32(pixel.y) * frame.size.x + u32(pixel.x);
 }

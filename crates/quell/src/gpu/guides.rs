@@ -1,22 +1,12 @@
-//! Guides and tap patterns as storage buffers hold them.
+//! Guides and tap patterns as textures and storage buffers hold them: twin of `guides/store.wgsl` and `storage/*.wgsl`.
 
+use super::storage::Storage;
 use super::uniform::{Value, uniforms};
 use crate::border::Guides;
 use crate::kernels::spiral::{PHASES, Spiral};
 use glam::{Vec2, Vec3};
 
 uniforms! {
-    /// The guides of one pixel: twin of `Guide` in `guides.wgsl`.
-    pub(super) Guide as "Guide" {
-        normal: Vec3,
-        depth: f32,
-        motion: Vec2,
-        roughness: f32,
-        glossy_hit: f32,
-        id: u32,
-        confidence_in: f32,
-    }
-
     /// A tap: twin of `SpiralTap` in `passes/sparse_bilateral.wgsl`.
     pub(super) SpiralTap as "SpiralTap" {
         dx: i32,
@@ -32,9 +22,31 @@ const FAR: f32 = 1e30;
 /// Motion that is not known points so far off screen, in pixels.
 const UNKNOWN_MOTION: f32 = 1e9;
 
-/// The guides of a frame for a storage buffer: 48 bytes a pixel, row by row.
-pub fn pack_guides(guides: &Guides) -> Vec<u8> {
-    let mut out = Vec::with_capacity(guides.size.pixels() * Guide::SIZE);
+/// Twin of `Guide`.
+struct Guide {
+    normal: Vec3,
+    depth: f32,
+    motion: Vec2,
+    roughness: f32,
+    glossy_hit: f32,
+    id: u32,
+    confidence_in: f32,
+}
+
+/// The texels of the three planes of guides, row by row without padding.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct GuideTexels {
+    /// View depth and normal.
+    pub geometry: Vec<u8>,
+    /// Id and roughness.
+    pub surface: Vec<u8>,
+    /// Motion, hit distance, confidence of the host.
+    pub moving: Vec<u8>,
+}
+
+/// The guides of a frame as textures of this storage hold them.
+pub fn pack_guides(guides: &Guides, storage: Storage) -> GuideTexels {
+    let mut out = GuideTexels { geometry: Vec::new(), surface: Vec::new(), moving: Vec::new() };
     for y in 0..guides.size.height {
         for x in 0..guides.size.width {
             let depth = guides.depth.at(x, y);
@@ -49,10 +61,109 @@ pub fn pack_guides(guides: &Guides) -> Vec<u8> {
                 id: guides.id.at(x, y),
                 confidence_in: guides.confidence_in.at(x, y),
             };
-            guide.write(&mut out);
+            match storage {
+                Storage::Float => float::store(&guide, &mut out),
+                Storage::Half => half::store(&guide, &mut out),
+            }
         }
     }
     out
+}
+
+fn put(words: &[u32], out: &mut Vec<u8>) {
+    words.iter().for_each(|word| out.extend(word.to_le_bytes()));
+}
+
+/// Twin of `storage/float.wgsl`.
+mod float {
+    use super::{Guide, GuideTexels, put};
+
+    pub(super) fn store(guide: &Guide, out: &mut GuideTexels) {
+        put(&guide.normal.extend(guide.depth).to_array().map(f32::to_bits), &mut out.geometry);
+        put(&[guide.id, guide.roughness.to_bits()], &mut out.surface);
+        let moving = [guide.motion.x, guide.motion.y, guide.glossy_hit, guide.confidence_in];
+        put(&moving.map(f32::to_bits), &mut out.moving);
+    }
+}
+
+/// Twin of `storage/half.wgsl`, step by step.
+mod half {
+    use super::{FAR, Guide, GuideTexels, put};
+    use glam::{IVec2, Vec2, Vec3};
+
+    const NORMAL_STEPS: f32 = 262_143.0;
+    const NORMAL_CENTRE: i32 = 262_144;
+    const NORMAL_LOW_BITS: u32 = 3;
+    const ROUGHNESS_STEPS: f32 = 1023.0;
+    const MOTION_LEAST: f32 = 1.220_703_1e-4;
+    const MOTION_MOST: f32 = 131_072.0;
+    const CONFIDENCE_STEPS: f32 = 255.0;
+    const HALF_MAX: f32 = 65504.0;
+
+    fn fold(v: Vec2) -> Vec2 {
+        (1.0 - Vec2::new(v.y, v.x).abs()) * Vec2::select(v.cmpge(Vec2::ZERO), Vec2::ONE, -Vec2::ONE)
+    }
+
+    fn octahedral(n: Vec3) -> Vec2 {
+        let size = n.x.abs() + n.y.abs() + n.z.abs();
+        if size > 0.0 {
+            let flat = Vec2::new(n.x, n.y) / size;
+            if n.z < 0.0 { fold(flat) } else { flat }
+        } else {
+            Vec2::ZERO
+        }
+    }
+
+    fn normal_code(n: Vec3) -> [u32; 2] {
+        let steps = octahedral(n) * NORMAL_STEPS;
+        let code = IVec2::new(steps.x.round_ties_even() as i32, steps.y.round_ties_even() as i32);
+        [code.x + NORMAL_CENTRE, code.y + NORMAL_CENTRE].map(|v| v as u32)
+    }
+
+    const fn short_id(id: u32) -> u32 {
+        if id < 65536 { id } else { (id ^ (id >> 16)).wrapping_mul(0x9e37_79b1) >> 16 }
+    }
+
+    fn motion_code(v: f32) -> u32 {
+        let size = v.abs().min(MOTION_MOST);
+        if size < MOTION_LEAST {
+            return 0;
+        }
+        let bits = size.to_bits();
+        let rounded = (bits + 0xff + ((bits >> 9) & 1)) >> 9;
+        (rounded - (113 << 14)) | if v < 0.0 { 1 << 19 } else { 0 }
+    }
+
+    /// The bits of the nearest half, ties to even, of a value from 0 to `HALF_MAX`.
+    fn half_bits(v: f32) -> u32 {
+        let bits = v.to_bits();
+        let rounded = bits + 0xfff + ((bits >> 13) & 1);
+        let exponent = rounded >> 23;
+        // 2^-14, the least normal half.
+        if exponent < 113 {
+            return (v * 16_777_216.0).round_ties_even() as u32;
+        }
+        (rounded >> 13) - (112 << 10)
+    }
+
+    pub(super) fn store(guide: &Guide, out: &mut GuideTexels) {
+        let code = normal_code(guide.normal);
+        let high = code.map(|c| c >> NORMAL_LOW_BITS);
+        put(&[guide.depth.to_bits(), high[0] | (high[1] << 16)], &mut out.geometry);
+        let low = code.map(|c| c & 7);
+        let roughness = (guide.roughness.clamp(0.0, 1.0) * ROUGHNESS_STEPS).round_ties_even() as u32;
+        put(&[short_id(guide.id) | (roughness << 16) | (low[0] << 26) | (low[1] << 29)], &mut out.surface);
+        let [x, y] = guide.motion.to_array().map(motion_code);
+        let ratio = if guide.depth <= 0.0 {
+            0.0
+        } else if guide.glossy_hit >= FAR {
+            HALF_MAX
+        } else {
+            (guide.glossy_hit / guide.depth).min(HALF_MAX)
+        };
+        let confidence = (guide.confidence_in.clamp(0.0, 1.0) * CONFIDENCE_STEPS).round_ties_even() as u32;
+        put(&[x | (y << 20), (y >> 12) | (half_bits(ratio) << 8) | (confidence << 24)], &mut out.moving);
+    }
 }
 
 /// A tap pattern for a storage buffer: the 16 phases one after another, 16 bytes a tap.

@@ -2,6 +2,7 @@
 
 use super::convention::Convention;
 use super::error::Error;
+use super::kernel::check_texture;
 use crate::plane::Size;
 
 /// A channel of a texture.
@@ -102,24 +103,12 @@ pub(super) fn is_depth(format: wgpu::TextureFormat) -> bool {
 /// # Errors
 /// Whichever is wrong, with the plane's name and what was expected.
 pub(super) fn check(plane: &'static str, view: &wgpu::TextureView, asks: Asks, size: Size) -> Result<(), Error> {
-    let texture = view.texture();
-    let format = texture.format();
-    if !asks.takes(format) {
-        return Err(Error::TextureFormat { plane, format, expected: asks.expected() });
+    let (pass, binding) = ("prepare", plane);
+    let found = view.texture().format();
+    if !asks.takes(found) {
+        return Err(Error::Format { pass, binding, expected: asks.expected(), found });
     }
-    let usage = wgpu::TextureUsages::TEXTURE_BINDING;
-    if !texture.usage().contains(usage) {
-        return Err(Error::TextureUsage { plane, usage: "TEXTURE_BINDING" });
-    }
-    let samples = texture.sample_count();
-    if texture.dimension() != wgpu::TextureDimension::D2 || samples != 1 {
-        return Err(Error::TextureKind { plane, samples });
-    }
-    let found = Size::new(texture.width() as usize, texture.height() as usize);
-    if found.width < size.width || found.height < size.height {
-        return Err(Error::TextureSize { plane, size, found });
-    }
-    Ok(())
+    check_texture(pass, binding, view.texture(), size)
 }
 
 impl<'a> GuideTextures<'a> {

@@ -1,28 +1,57 @@
 //! A pass made ready for a device, and encoded into the caller's encoder.
 
 use super::error::Error;
-use super::pass::{Access, Binding, FIRST_STORAGE, Pass, WORKGROUP};
+use super::pass::{BindingKind, FIRST_BINDING, Pass, WORKGROUP};
+use super::storage::Storage;
 use crate::plane::Size;
-use std::num::NonZeroU64;
 
 /// A compiled pass.
 #[derive(Clone, Debug)]
 pub struct Kernel {
     pass: Pass,
+    storage: Storage,
+    label: String,
     layout: wgpu::BindGroupLayout,
-    pipelines: Vec<wgpu::ComputePipeline>,
+    pipeline: wgpu::ComputePipeline,
+}
+
+/// What is bound to a pass.
+#[derive(Clone, Copy, Debug)]
+pub enum Bindable<'a> {
+    /// To [`BindingKind::Sampled`] and [`BindingKind::Stored`].
+    Plane(&'a wgpu::TextureView),
+    /// To [`BindingKind::Taps`].
+    Taps(&'a wgpu::Buffer),
+}
+
+impl<'a> Bindable<'a> {
+    fn resource(self) -> wgpu::BindingResource<'a> {
+        match self {
+            Self::Plane(view) => wgpu::BindingResource::TextureView(view),
+            Self::Taps(buffer) => buffer.as_entire_binding(),
+        }
+    }
+}
+
+/// Uniform buffers that hold the bytes of [`super::FrameUniforms`] and [`super::SettingsUniforms`].
+#[derive(Clone, Copy, Debug)]
+pub struct Told<'a> {
+    /// The frame.
+    pub frame: &'a wgpu::Buffer,
+    /// The settings.
+    pub settings: &'a wgpu::Buffer,
 }
 
 impl Kernel {
-    /// Compiles a pass on the caller's device.
-    pub fn new(device: &wgpu::Device, pass: Pass) -> Self {
-        Self::with_source(device, pass, &pass.source())
+    /// Compiles a pass on the caller's device. `host_input`: see [`Pass::source`].
+    pub fn new(device: &wgpu::Device, pass: Pass, storage: Storage, host_input: bool) -> Self {
+        Self::with_source(device, pass, storage, &pass.source(storage, host_input))
     }
 
-    /// Likewise from changed WGSL with the same bindings and entry points: for tests that plant a difference.
-    pub fn with_source(device: &wgpu::Device, pass: Pass, source: &str) -> Self {
-        let label = format!("quell {}", pass.name);
-        let label = Some(label.as_str());
+    /// Likewise from changed WGSL with the same bindings and entry point: for tests that plant a difference.
+    pub fn with_source(device: &wgpu::Device, pass: Pass, storage: Storage, source: &str) -> Self {
+        let owned_label = format!("quell {}", pass.name);
+        let label = Some(owned_label.as_str());
         let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
             label,
             source: wgpu::ShaderSource::Wgsl(source.into()),
@@ -30,128 +59,197 @@ impl Kernel {
         let entry = |binding, ty| wgpu::BindGroupLayoutEntry {
             binding,
             visibility: wgpu::ShaderStages::COMPUTE,
-            ty: wgpu::BindingType::Buffer { ty, has_dynamic_offset: false, min_binding_size: None },
+            ty,
             count: None,
         };
-        let mut entries: Vec<_> = (0..FIRST_STORAGE).map(|i| entry(i, wgpu::BufferBindingType::Uniform)).collect();
-        entries.extend(
-            (FIRST_STORAGE..)
-                .zip(pass.bindings)
-                .map(|(i, b)| entry(i, wgpu::BufferBindingType::Storage { read_only: b.access == Access::Read })),
-        );
+        let buffer = |ty| wgpu::BindingType::Buffer { ty, has_dynamic_offset: false, min_binding_size: None };
+        let uniforms = (0..FIRST_BINDING).map(|i| entry(i, buffer(wgpu::BufferBindingType::Uniform)));
+        let rest = (FIRST_BINDING..).zip(pass.bindings).map(|(i, b)| {
+            let view_dimension = wgpu::TextureViewDimension::D2;
+            let ty = match b.kind {
+                BindingKind::Sampled(texel) => {
+                    wgpu::BindingType::Texture { sample_type: texel.sample_type(), view_dimension, multisampled: false }
+                }
+                BindingKind::Stored(texel) => wgpu::BindingType::StorageTexture {
+                    access: wgpu::StorageTextureAccess::WriteOnly,
+                    format: texel.format(storage),
+                    view_dimension,
+                },
+                BindingKind::Taps => buffer(wgpu::BufferBindingType::Storage { read_only: true }),
+            };
+            entry(i, ty)
+        });
+        let entries: Vec<_> = uniforms.chain(rest).collect();
         let layout = device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor { label, entries: &entries });
         let pipeline_layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
             label,
             bind_group_layouts: &[Some(&layout)],
             immediate_size: 0,
         });
-        let pipelines = pass
-            .entries
-            .iter()
-            .map(|entry| {
-                device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
-                    label,
-                    layout: Some(&pipeline_layout),
-                    module: &module,
-                    entry_point: Some(entry),
-                    compilation_options: wgpu::PipelineCompilationOptions::default(),
-                    cache: None,
-                })
-            })
-            .collect();
-        Self { pass, layout, pipelines }
+        let pipeline = device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+            label,
+            layout: Some(&pipeline_layout),
+            module: &module,
+            entry_point: Some(pass.entry),
+            compilation_options: wgpu::PipelineCompilationOptions::default(),
+            cache: None,
+        });
+        Self { pass, storage, label: owned_label, layout, pipeline }
     }
 
-    /// Appends the pass over images of `size` to the caller's encoder; submits nothing.
-    ///
-    /// `frame` and `settings` are uniform buffers that hold the bytes of [`super::FrameUniforms`] and
-    /// [`super::SettingsUniforms`]; `buffers` are those of [`Pass::bindings`], in that order. A buffer that is written
-    /// must not be bound twice.
+    /// Appends the pass over images of `size` to the caller's encoder; submits nothing. `bound` are the resources of
+    /// [`Pass::bindings`], in that order; a plane that is written must not be bound twice.
     ///
     /// # Errors
-    /// A buffer too many or too few, too small or without its usage; a size beyond the device's limits.
+    /// A resource too many or too few, of another kind, too small, of another format or without its usage; a size beyond
+    /// the device's limits.
     pub fn encode(
         &self,
         device: &wgpu::Device,
         encoder: &mut wgpu::CommandEncoder,
-        frame: &wgpu::Buffer,
-        settings: &wgpu::Buffer,
-        buffers: &[&wgpu::Buffer],
+        told: Told<'_>,
+        bound: &[Bindable<'_>],
         size: Size,
     ) -> Result<(), Error> {
-        let groups = self.check(device, frame, settings, buffers, size)?;
-        let label = format!("quell {}", self.pass.name);
-        let label = Some(label.as_str());
-        let bound = |buffer, bytes| {
-            wgpu::BindingResource::Buffer(wgpu::BufferBinding { buffer, offset: 0, size: NonZeroU64::new(bytes) })
-        };
-        // Of a plane only what it needs: the caller's buffer may be larger than a binding may be.
-        let planes = self.pass.bindings.iter().zip(buffers);
-        let planes = planes.map(|(b, buffer)| bound(buffer, if b.is_plane { bytes(b, size) } else { buffer.size() }));
-        let entries: Vec<_> = [frame, settings]
-            .map(|uniform| bound(uniform, uniform.size()))
+        let groups = self.check(device, told, bound, size)?;
+        let group = self.group(device, told, bound);
+        self.dispatch(encoder, &group, groups, None);
+        Ok(())
+    }
+
+    /// The resources as the pass binds them.
+    pub(super) fn group(&self, device: &wgpu::Device, told: Told<'_>, bound: &[Bindable<'_>]) -> wgpu::BindGroup {
+        let entries: Vec<_> = [told.frame, told.settings]
+            .map(wgpu::Buffer::as_entire_binding)
             .into_iter()
-            .chain(planes)
+            .chain(bound.iter().map(|b| b.resource()))
             .zip(0..)
             .map(|(resource, binding)| wgpu::BindGroupEntry { binding, resource })
             .collect();
-        let group =
-            device.create_bind_group(&wgpu::BindGroupDescriptor { label, layout: &self.layout, entries: &entries });
-        let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor { label, timestamp_writes: None });
-        pass.set_bind_group(0, &group, &[]);
-        for pipeline in &self.pipelines {
-            pass.set_pipeline(pipeline);
-            pass.dispatch_workgroups(groups[0], groups[1], 1);
-        }
-        Ok(())
+        let label = Some(self.label.as_str());
+        device.create_bind_group(&wgpu::BindGroupDescriptor { label, layout: &self.layout, entries: &entries })
+    }
+
+    pub(super) fn dispatch(
+        &self,
+        encoder: &mut wgpu::CommandEncoder,
+        group: &wgpu::BindGroup,
+        groups: [u32; 2],
+        timestamp_writes: Option<wgpu::ComputePassTimestampWrites<'_>>,
+    ) {
+        let label = Some(self.label.as_str());
+        let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor { label, timestamp_writes });
+        pass.set_bind_group(0, group, &[]);
+        pass.set_pipeline(&self.pipeline);
+        pass.dispatch_workgroups(groups[0], groups[1], 1);
     }
 
     /// Everything that can be known before the device sees it; the number of workgroups.
     fn check(
         &self,
         device: &wgpu::Device,
-        frame: &wgpu::Buffer,
-        settings: &wgpu::Buffer,
-        buffers: &[&wgpu::Buffer],
+        told: Told<'_>,
+        bound: &[Bindable<'_>],
         size: Size,
     ) -> Result<[u32; 2], Error> {
-        let (pass, limits) = (self.pass.name, device.limits());
-        let beyond = |limit| Error::Size { pass, size, limit };
-        let groups = |extent: usize| {
-            u32::try_from(extent)
-                .ok()
-                .map(|n| n.div_ceil(WORKGROUP))
-                .filter(|n| (1..=limits.max_compute_workgroups_per_dimension).contains(n))
-                .ok_or_else(|| beyond("max_compute_workgroups_per_dimension"))
-        };
-        let groups = [groups(size.width)?, groups(size.height)?];
-        if buffers.len() != self.pass.bindings.len() {
+        let pass = self.pass.name;
+        let groups = workgroups(device, pass, size)?;
+        if bound.len() != self.pass.bindings.len() {
             let expected = self.pass.bindings.len();
-            return Err(Error::BufferCount { pass, expected, found: buffers.len() });
+            return Err(Error::Count { pass, expected, found: bound.len() });
         }
-        for (binding, uniform) in [("frame", frame), ("settings", settings)] {
+        for (binding, uniform) in [("frame", told.frame), ("settings", told.settings)] {
             if !uniform.usage().contains(wgpu::BufferUsages::UNIFORM) {
-                return Err(Error::BufferUsage { pass, binding, usage: "UNIFORM" });
+                return Err(Error::Usage { pass, binding, usage: "UNIFORM" });
             }
         }
-        for (binding, buffer) in self.pass.bindings.iter().zip(buffers) {
-            if !buffer.usage().contains(wgpu::BufferUsages::STORAGE) {
-                return Err(Error::BufferUsage { pass, binding: binding.name, usage: "STORAGE" });
-            }
-            let needed = bytes(binding, size);
-            if buffer.size() < needed {
-                let found = buffer.size();
-                return Err(Error::BufferSize { pass, binding: binding.name, size, needed, found });
-            }
-            if needed > limits.max_storage_buffer_binding_size {
-                return Err(beyond("max_storage_buffer_binding_size"));
+        for (binding, given) in self.pass.bindings.iter().zip(bound) {
+            let name = binding.name;
+            match (binding.kind, given) {
+                (BindingKind::Taps, Bindable::Taps(buffer)) => {
+                    if !buffer.usage().contains(wgpu::BufferUsages::STORAGE) {
+                        return Err(Error::Usage { pass, binding: name, usage: "STORAGE" });
+                    }
+                }
+                (BindingKind::Sampled(texel), Bindable::Plane(view)) => {
+                    check_sampled(pass, name, view, texel.sample_type(), size)?;
+                }
+                (BindingKind::Stored(texel), Bindable::Plane(view)) => {
+                    let (texture, format) = (view.texture(), texel.format(self.storage));
+                    if texture.format() != format {
+                        let (expected, found) = (texel.format_name(self.storage), texture.format());
+                        return Err(Error::Format { pass, binding: name, expected, found });
+                    }
+                    if !texture.usage().contains(wgpu::TextureUsages::STORAGE_BINDING) {
+                        return Err(Error::Usage { pass, binding: name, usage: "STORAGE_BINDING" });
+                    }
+                    check_extent(pass, name, texture, size)?;
+                }
+                (kind, _) => {
+                    let expected = if kind == BindingKind::Taps { "a buffer" } else { "a texture" };
+                    return Err(Error::Kind { pass, binding: name, expected });
+                }
             }
         }
         Ok(groups)
     }
 }
 
-/// Bytes that a binding holds at the least.
-fn bytes(binding: &Binding, size: Size) -> u64 {
-    if binding.is_plane { binding.stride * size.pixels() as u64 } else { binding.stride }
+/// Workgroups along each axis.
+pub(super) fn workgroups(device: &wgpu::Device, pass: &'static str, size: Size) -> Result<[u32; 2], Error> {
+    let most = device.limits().max_compute_workgroups_per_dimension;
+    let groups = |extent: usize| {
+        u32::try_from(extent)
+            .ok()
+            .map(|n| n.div_ceil(WORKGROUP))
+            .filter(|n| (1..=most).contains(n))
+            .ok_or(Error::Size { pass, size, limit: "max_compute_workgroups_per_dimension" })
+    };
+    Ok([groups(size.width)?, groups(size.height)?])
+}
+
+/// A texture that a shader loads from.
+pub(super) fn check_sampled(
+    pass: &'static str,
+    binding: &'static str,
+    view: &wgpu::TextureView,
+    wanted: wgpu::TextureSampleType,
+    size: Size,
+) -> Result<(), Error> {
+    let texture = view.texture();
+    let is_uint = wanted == wgpu::TextureSampleType::Uint;
+    let fits = match texture.format().sample_type(None, None) {
+        Some(wgpu::TextureSampleType::Uint) => is_uint,
+        Some(wgpu::TextureSampleType::Float { .. }) => !is_uint,
+        _ => false,
+    };
+    if !fits {
+        let expected = if is_uint { "a format of unsigned integers" } else { "a colour format of floats" };
+        return Err(Error::Format { pass, binding, expected, found: texture.format() });
+    }
+    check_texture(pass, binding, texture, size)
+}
+
+/// Usage, samples, dimension and extent of a texture that a shader loads from.
+pub(super) fn check_texture(
+    pass: &'static str,
+    binding: &'static str,
+    texture: &wgpu::Texture,
+    size: Size,
+) -> Result<(), Error> {
+    if !texture.usage().contains(wgpu::TextureUsages::TEXTURE_BINDING) {
+        return Err(Error::Usage { pass, binding, usage: "TEXTURE_BINDING" });
+    }
+    if texture.sample_count() != 1 || texture.dimension() != wgpu::TextureDimension::D2 {
+        return Err(Error::Kind { pass, binding, expected: "a 2D texture of one sample" });
+    }
+    check_extent(pass, binding, texture, size)
+}
+
+fn check_extent(pass: &'static str, binding: &'static str, texture: &wgpu::Texture, size: Size) -> Result<(), Error> {
+    let found = Size::new(texture.width() as usize, texture.height() as usize);
+    if found.width < size.width || found.height < size.height {
+        return Err(Error::TextureSize { pass, binding, needed: size, found });
+    }
+    Ok(())
 }

@@ -1,46 +1,47 @@
 //! The GPU back end: each stage's `shader.wgsl` composed into passes that run on the caller's wgpu device, and
 //! [`Denoiser`], which encodes the whole plan into the caller's encoder.
 //!
-//! In its first form: every plane is a storage buffer of 32-bit floats, row by row without padding ([`Denoiser`] holds
-//! 312 bytes a pixel), which holds images up to about 2.8 million pixels on WebGPU's default limits; each stage is a pass of
-//! its own. Half floats, fused passes, textures and conventions of hosts, joint passes and timings are not here yet, and
-//! nothing is repaired: what the buffers hold must keep the contract of [`crate::Frame`].
+//! Every plane is a 2D texture, in half precision by default ([`Storage`] says what a texel holds). What a frame does is
+//! data, [`Program`]: resources and dispatches in order, made without a device; the denoiser walks it, and byte counts and
+//! listings come from it.
 //!
 //! Single passes, for bisecting and tests: [`Pass`], [`Kernel`], told by [`FrameUniforms`], [`SettingsUniforms`].
 //!
-//! Both are good guests: they take the caller's device and encoder, never submit, block, poll or read back, and ask for no
+//! All are good guests: they take the caller's device and encoder, never submit, block, poll or read back, and ask for no
 //! feature and no limit beyond WebGPU's defaults.
-//!
-//! | plane | one pixel | bytes |
-//! |---|---|---|
-//! | colour | red, green, blue, unused | 16 |
-//! | guides | [`pack_guides`] | 48 |
-//! | state | confidence, history length | 8 |
-//! | scalar | one number | 4 |
 
 mod convention;
 mod denoiser;
 mod error;
+mod frame;
 mod guides;
 mod inputs;
 mod kernel;
+mod options;
 mod pack;
 mod pass;
+mod planes;
 mod prepare;
+mod program;
 mod repairs;
+mod storage;
 mod uniform;
 mod uniforms;
 
 pub use convention::{Convention, DepthKind, MotionUnit, NormalEncoding, NormalSpace, RoughnessKind};
-pub use denoiser::{Denoiser, Frame, Output, Signal};
+pub use denoiser::Denoiser;
 pub use error::Error;
-pub use guides::{pack_guides, pack_spiral};
+pub use frame::{Frame, Output, PackedGuides, Signal};
+pub use guides::{GuideTexels, pack_guides, pack_spiral};
 pub use inputs::{Channel, GuideTextures, Scalar};
-pub use kernel::Kernel;
-pub use pack::{PackedFrame, PackedSignal, unpack_colours, unpack_state};
-pub use pass::{Access, Binding, Pass};
+pub use kernel::{Bindable, Kernel, Told};
+pub use options::Options;
+pub use pack::{PackedFrame, PackedSignal, unpack_colours, unpack_fourth, unpack_numbers};
+pub use pass::{Binding, BindingKind, FIRST_BINDING, Pass, WORKGROUP};
 pub use prepare::{Border, Prepare, count_source, prepare_source};
+pub use program::{Bound, Contents, Dispatch, Memory, Program, Resource, Role, Shown, SignalContents, Slot};
 pub use repairs::Repairs;
+pub use storage::{Storage, Texel};
 pub use uniform::{Member, Uniform};
 pub use uniforms::{FrameUniforms, SettingsUniforms, layouts};
 

@@ -1,22 +1,22 @@
-//! Frames of the CPU for the buffers of [`super::Frame`], and what [`super::Output`]'s buffers hold: for hosts whose planes
+//! Frames of the CPU for the textures of [`super::Frame`], and what [`super::Output`]'s hold: for hosts whose planes
 //! do not lie on the GPU.
 
-use super::guides::pack_guides;
+use super::guides::{GuideTexels, pack_guides};
+use super::storage::Storage;
 use crate::border::{Guides, PlaneName, Sanitised, copy_colour};
 use crate::error::Error;
 use crate::frame::{Frame, Rgb, Signal};
 use crate::par;
 use crate::plane::{Plane, PlaneRef, Size};
 
-/// Bytes of a colour and of confidence and history length.
+/// Bytes of a colour, rgba32float.
 const COLOUR: usize = 16;
-const STATE: usize = 8;
 
-/// The planes of one frame as bytes for storage buffers, repaired as on the CPU.
+/// The planes of one frame as texels, row by row without padding, repaired as on the CPU. Colours are for rgba32float.
 #[derive(Clone, Debug)]
 pub struct PackedFrame {
     /// [`super::Frame::guides`].
-    pub guides: Vec<u8>,
+    pub guides: GuideTexels,
     /// [`super::Frame::has_roughness`].
     pub has_roughness: bool,
     /// [`super::Frame::has_glossy_hit`].
@@ -43,11 +43,11 @@ pub struct PackedSignal {
 }
 
 impl PackedFrame {
-    /// Reads a frame. Its joint passes are left out: nothing on the GPU takes them.
+    /// Reads a frame, guides for textures of this storage. Its joint passes are left out: nothing on the GPU takes them.
     ///
     /// # Errors
     /// What [`Frame::check`] finds.
-    pub fn new(frame: &Frame<'_>) -> Result<Self, Error> {
+    pub fn new(frame: &Frame<'_>, storage: Storage) -> Result<Self, Error> {
         let mut sanitised = Sanitised::default();
         let guides = Guides::of(frame, &mut sanitised)?;
         let mut plane = Plane::filled(frame.size, [0.0; 3]);
@@ -77,7 +77,7 @@ impl PackedFrame {
         };
         let (matte, glossy) = (signal(Signal::Matte), signal(Signal::Glossy));
         Ok(Self {
-            guides: pack_guides(&guides),
+            guides: pack_guides(&guides, storage),
             has_roughness: guides.has_roughness,
             has_glossy_hit: guides.has_glossy_hit,
             direct,
@@ -88,7 +88,7 @@ impl PackedFrame {
     }
 }
 
-/// Colours for a storage buffer, row by row.
+/// Colours as texels, row by row.
 fn pack_colours(plane: &Plane<Rgb>) -> Vec<u8> {
     let size = plane.size();
     let mut out = vec![0; size.pixels() * COLOUR];
@@ -102,21 +102,57 @@ fn pack_colours(plane: &Plane<Rgb>) -> Vec<u8> {
     out
 }
 
-/// A colour plane out of the bytes of a buffer of [`super::Output`]; `None` where these are too few.
-pub fn unpack_colours(bytes: &[u8], size: Size) -> Option<Plane<Rgb>> {
-    let colour = |b: &[u8]| [float(b, 0), float(b, 4), float(b, 8)];
-    Plane::from_vec(size, bytes.chunks_exact(COLOUR).take(size.pixels()).map(colour).collect()).ok()
+/// A colour plane out of the texels of a texture of [`super::Output`], rgba16float or rgba32float; `None`: another format,
+/// or too few.
+pub fn unpack_colours(bytes: &[u8], size: Size, format: wgpu::TextureFormat) -> Option<Plane<Rgb>> {
+    Plane::from_vec(size, texels(bytes, size, format)?.map(|[r, g, b, _]| [r, g, b]).collect()).ok()
 }
 
-/// Confidence and history length out of the bytes of [`super::Output::state`]; `None` where these are too few.
-pub fn unpack_state(bytes: &[u8], size: Size) -> Option<[Plane<f32>; 2]> {
-    let plane = |offset| {
-        let values = bytes.chunks_exact(STATE).take(size.pixels()).map(|b| float(b, offset)).collect();
-        Plane::from_vec(size, values).ok()
+/// Likewise the magnitudes of the fourth values: of [`super::Output::confidence`].
+pub fn unpack_fourth(bytes: &[u8], size: Size, format: wgpu::TextureFormat) -> Option<Plane<f32>> {
+    Plane::from_vec(size, texels(bytes, size, format)?.map(|[.., a]| a.abs()).collect()).ok()
+}
+
+/// A plane of numbers: [`super::Output::history_length`].
+pub fn unpack_numbers(bytes: &[u8], size: Size) -> Option<Plane<f32>> {
+    let numbers = bytes.as_chunks().0.iter().take(size.pixels());
+    Plane::from_vec(size, numbers.map(|b| f32::from_le_bytes(*b)).collect()).ok()
+}
+
+/// Red, green, blue and a number.
+fn texels(bytes: &[u8], size: Size, format: wgpu::TextureFormat) -> Option<impl Iterator<Item = [f32; 4]>> {
+    type Read = fn(&[u8], usize) -> f32;
+    let (stride, read): (usize, Read) = match format {
+        wgpu::TextureFormat::Rgba32Float => (16, |texel, c| float(texel, 4 * c)),
+        wgpu::TextureFormat::Rgba16Float => (8, |texel, c| half(texel, 2 * c)),
+        _ => return None,
     };
-    Some([plane(0)?, plane(4)?])
+    let texels = bytes.chunks_exact(stride).take(size.pixels());
+    Some(texels.map(move |texel| std::array::from_fn(|c| read(texel, c))))
 }
 
 fn float(bytes: &[u8], offset: usize) -> f32 {
     bytes.get(offset..).and_then(|b| b.first_chunk()).map_or(0.0, |b| f32::from_le_bytes(*b))
+}
+
+fn half(bytes: &[u8], offset: usize) -> f32 {
+    /// 2^112: what the exponents' biases differ by.
+    const SCALE: f32 = f32::from_bits((112 + 127) << 23);
+    let bits = bytes.get(offset..).and_then(|b| b.first_chunk()).map_or(0, |b| u16::from_le_bytes(*b));
+    let magnitude = f32::from_bits(u32::from(bits & 0x7fff) << 13) * SCALE;
+    if bits & 0x8000 == 0 { magnitude } else { -magnitude }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn halves_are_read() {
+        let read = |bits: u16| half(&bits.to_le_bytes(), 0);
+        assert_eq!(
+            [0x3c00, 0xc000, 0x7bff, 1, 0x8000, 0x3555].map(read),
+            [1.0, -2.0, 65504.0, 5.960_464_5e-8, 0.0, 0.333_251_95]
+        );
+    }
 }

@@ -1,64 +1,78 @@
-//! The passes: which pieces of WGSL make a shader, what it binds, which entry points run one after another.
+//! The passes: which pieces of WGSL make a shader, what it binds, its entry point.
 
-/// How a pass uses a buffer.
+use super::storage::{Storage, Texel};
+use crate::pipeline::Stage;
+
+/// What a binding is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Access {
-    /// It only reads.
-    Read,
-    /// It writes every pixel, and may read back what an earlier entry point of it wrote.
-    Write,
+pub enum BindingKind {
+    /// A texture that is read by `textureLoad`.
+    Sampled(Texel),
+    /// A storage texture that is written, every pixel once.
+    Stored(Texel),
+    /// A read-only storage buffer of taps, 16 bytes each.
+    Taps,
 }
 
-/// A storage buffer of a pass. Its binding number is its place in the pass's list plus 2: 0 and 1 are the uniforms.
+/// A resource of a pass. Its binding number is its place in the pass's list plus 2: 0 and 1 are the uniforms `frame` and
+/// `settings`. All lie in group 0.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Binding {
     /// Its name in WGSL.
     pub name: &'static str,
-    /// How it is used.
-    pub access: Access,
-    /// Bytes of one element.
-    pub stride: u64,
-    /// It has an element for every pixel.
-    pub is_plane: bool,
+    /// What it is.
+    pub kind: BindingKind,
 }
 
-/// A pass: one or more dispatches over the whole image.
+/// A pass: one dispatch over the whole image that runs one stage, or several fused.
 #[derive(Clone, Copy, Debug)]
 pub struct Pass {
-    /// The stage's name.
+    /// The stage's name; of fused ones joined by `+`.
     pub name: &'static str,
-    /// Entry points in the order in which they run.
-    pub entries: &'static [&'static str],
-    /// Storage buffers, from binding 2 on.
+    /// Which stages it runs, in order.
+    pub stages: &'static [Stage],
+    /// Its entry point.
+    pub entry: &'static str,
+    /// What it binds, from binding 2 on.
     pub bindings: &'static [Binding],
     pieces: &'static [&'static str],
 }
 
 /// Pixels along each side that one workgroup covers.
-pub(super) const WORKGROUP: u32 = 8;
-/// Binding of the first storage buffer.
-pub(super) const FIRST_STORAGE: u32 = 2;
+pub const WORKGROUP: u32 = 8;
+/// Binding of the first resource after the uniforms.
+pub const FIRST_BINDING: u32 = 2;
 
-const fn plane(name: &'static str, access: Access, stride: u64) -> Binding {
-    Binding { name, access, stride, is_plane: true }
+const fn read(name: &'static str, texel: Texel) -> Binding {
+    Binding { name, kind: BindingKind::Sampled(texel) }
 }
 const fn colour(name: &'static str) -> Binding {
-    plane(name, Access::Read, 16)
+    read(name, Texel::Colour)
 }
-const fn guides(name: &'static str) -> Binding {
-    plane(name, Access::Read, 48)
-}
-const fn state(name: &'static str) -> Binding {
-    plane(name, Access::Read, 8)
+const fn number(name: &'static str) -> Binding {
+    read(name, Texel::Number)
 }
 const fn written(name: &'static str) -> Binding {
-    plane(name, Access::Write, 16)
+    Binding { name, kind: BindingKind::Stored(Texel::Colour) }
 }
+const fn counted(name: &'static str) -> Binding {
+    Binding { name, kind: BindingKind::Stored(Texel::Number) }
+}
+
+const GEOMETRY: Binding = read("geometry", Texel::Geometry);
+const SURFACE: Binding = read("surface", Texel::Surface);
+const MOVING: Binding = read("moving", Texel::Moving);
+const GEOMETRY_BEFORE: Binding = read("geometry_before", Texel::Geometry);
+const SURFACE_BEFORE: Binding = read("surface_before", Texel::Surface);
 
 const FRAME: &str = include_str!("frame.wgsl");
 const SETTINGS: &str = include_str!("settings.wgsl");
-const UNIFORMS: &str = include_str!("passes/uniforms.wgsl");
-const GUIDES: &str = include_str!("guides.wgsl");
+const INPUT_COLOUR: &str = include_str!("input_colour.wgsl");
+const GUIDES_TYPES: &str = include_str!("guides/types.wgsl");
+const GUIDES: &str = include_str!("guides/depth.wgsl");
+const GUIDES_SURFACE: &str = include_str!("guides/surface.wgsl");
+const GUIDES_MOVING: &str = include_str!("guides/moving.wgsl");
+const GUIDES_BEFORE: &str = include_str!("guides/before.wgsl");
 const MATH: &str = include_str!("../kernels/math.wgsl");
 const EDGE: &str = include_str!("../kernels/edge.wgsl");
 const SPIRAL: &str = include_str!("../kernels/spiral.wgsl");
@@ -66,171 +80,157 @@ const CLIP: &str = include_str!("../kernels/clip.wgsl");
 const REPROJECT: &str = include_str!("../kernels/reproject.wgsl");
 const TEMPORAL: &str = include_str!("../kernels/temporal.wgsl");
 const MIRROR_IMAGE: &str = include_str!("../kernels/mirror_image.wgsl");
-const TEMPORAL_PASS: &str = include_str!("passes/temporal.wgsl");
+const MATTE_TEMPORAL: &str = include_str!("../stages/matte_temporal/shader.wgsl");
+const GLOSSY_TEMPORAL: &str = include_str!("../stages/glossy_temporal/shader.wgsl");
+const DISOCCLUSION: &str = include_str!("../stages/disocclusion/shader.wgsl");
+const FIREFLY: &str = include_str!("../stages/firefly/shader.wgsl");
+const ACCUMULATED: &str = include_str!("passes/accumulated.wgsl");
+const DISTRUST: &str = include_str!("passes/distrust.wgsl");
 
 const SPARSE_BILATERAL: &[&str] = &[
-    FRAME,
-    SETTINGS,
     GUIDES,
+    GUIDES_SURFACE,
     MATH,
     EDGE,
     SPIRAL,
     include_str!("../stages/matte_prefilter/shader.wgsl"),
-    UNIFORMS,
     include_str!("passes/sparse_bilateral.wgsl"),
 ];
-const SPARSE_BINDINGS: &[Binding] = &[
-    guides("guides"),
-    Binding { name: "spiral", access: Access::Read, stride: 16, is_plane: false },
-    colour("input"),
-    written("output"),
-];
+const SPARSE_BINDINGS: &[Binding] =
+    &[GEOMETRY, SURFACE, Binding { name: "spiral", kind: BindingKind::Taps }, colour("input"), written("output")];
 const GLOSSY_BILATERAL: &[&str] = &[
-    FRAME,
-    SETTINGS,
     GUIDES,
+    GUIDES_SURFACE,
+    GUIDES_MOVING,
     MATH,
     EDGE,
     include_str!("../stages/glossy_bilateral/shader.wgsl"),
-    UNIFORMS,
     include_str!("passes/glossy_bilateral.wgsl"),
 ];
-const GLOSSY_BINDINGS: &[Binding] = &[guides("guides"), colour("input"), written("output")];
+const GLOSSY_BINDINGS: &[Binding] = &[GEOMETRY, SURFACE, MOVING, colour("input"), written("output")];
 const TEMPORAL_BINDINGS: &[Binding] = &[
-    guides("guides"),
-    guides("guides_before"),
+    GEOMETRY,
+    SURFACE,
+    MOVING,
+    GEOMETRY_BEFORE,
+    SURFACE_BEFORE,
     colour("current"),
     colour("history"),
-    state("history_state"),
+    number("history_length"),
     written("output"),
-    plane("state", Access::Write, 8),
+    counted("new_length"),
 ];
 
 impl Pass {
-    /// Stage 3. The caller may bind anything large enough as history where the frame says that there is none.
+    /// Stage 3. The caller may bind anything as history where the frame says that there is none.
     pub const MATTE_TEMPORAL: Self = Self {
         name: "matte_temporal",
-        entries: &["accumulate_matte"],
+        stages: &[Stage::MatteTemporal],
+        entry: "accumulate_matte",
         bindings: TEMPORAL_BINDINGS,
         pieces: &[
-            FRAME,
-            SETTINGS,
             GUIDES,
+            GUIDES_SURFACE,
+            GUIDES_MOVING,
+            GUIDES_BEFORE,
             MATH,
             CLIP,
             REPROJECT,
             TEMPORAL,
-            include_str!("../stages/matte_temporal/shader.wgsl"),
-            UNIFORMS,
-            TEMPORAL_PASS,
+            MATTE_TEMPORAL,
+            ACCUMULATED,
             include_str!("passes/matte_temporal.wgsl"),
         ],
     };
     /// Stage 4.
     pub const MATTE_PREFILTER: Self = Self {
         name: "matte_prefilter",
-        entries: &["matte_prefilter"],
+        stages: &[Stage::MattePrefilter],
+        entry: "matte_prefilter",
         bindings: SPARSE_BINDINGS,
         pieces: SPARSE_BILATERAL,
     };
-    /// Stage 5. `widest` and `rows` are its own.
+    /// Stage 5.
     pub const DISOCCLUSION: Self = Self {
         name: "disocclusion",
-        entries: &["widen", "blur_rows", "blend"],
-        bindings: &[
-            state("state"),
-            plane("widest", Access::Write, 4),
-            plane("rows", Access::Write, 4),
-            colour("temporal"),
-            colour("prefiltered"),
-            written("blended"),
-            written("floored"),
-        ],
-        pieces: &[
-            FRAME,
-            SETTINGS,
-            MATH,
-            include_str!("../stages/disocclusion/shader.wgsl"),
-            UNIFORMS,
-            include_str!("passes/disocclusion.wgsl"),
-        ],
+        stages: &[Stage::Disocclusion],
+        entry: "blend",
+        bindings: &[colour("temporal"), colour("prefiltered"), written("blended"), written("floored")],
+        pieces: &[MATH, DISOCCLUSION, DISTRUST, include_str!("passes/disocclusion.wgsl")],
     };
     /// Stage 6.
     pub const FIREFLY: Self = Self {
         name: "firefly",
-        entries: &["suppress"],
-        bindings: &[guides("guides"), colour("input"), written("output")],
-        pieces: &[
-            FRAME,
-            SETTINGS,
-            GUIDES,
-            MATH,
-            include_str!("../stages/firefly/shader.wgsl"),
-            UNIFORMS,
-            include_str!("passes/firefly.wgsl"),
-        ],
+        stages: &[Stage::Firefly],
+        entry: "suppress",
+        bindings: &[GEOMETRY, colour("input"), written("output")],
+        pieces: &[GUIDES, MATH, FIREFLY, include_str!("passes/firefly.wgsl")],
     };
     /// Stage 7: stage 4's filter with its own pattern.
     pub const MATTE_BILATERAL: Self = Self {
         name: "matte_bilateral",
-        entries: &["matte_bilateral"],
+        stages: &[Stage::MatteBilateral],
+        entry: "matte_bilateral",
         bindings: SPARSE_BINDINGS,
         pieces: SPARSE_BILATERAL,
     };
     /// Stage 8, likewise.
     pub const GLOSSY_TEMPORAL: Self = Self {
         name: "glossy_temporal",
-        entries: &["accumulate_glossy"],
+        stages: &[Stage::GlossyTemporal],
+        entry: "accumulate_glossy",
         bindings: TEMPORAL_BINDINGS,
         pieces: &[
-            FRAME,
-            SETTINGS,
             GUIDES,
+            GUIDES_SURFACE,
+            GUIDES_MOVING,
+            GUIDES_BEFORE,
             MATH,
             CLIP,
             REPROJECT,
             MIRROR_IMAGE,
             TEMPORAL,
-            include_str!("../stages/glossy_temporal/shader.wgsl"),
-            UNIFORMS,
-            TEMPORAL_PASS,
+            GLOSSY_TEMPORAL,
+            ACCUMULATED,
             include_str!("passes/glossy_temporal.wgsl"),
         ],
     };
     /// Stage 9.
     pub const GLOSSY_HORIZONTAL: Self = Self {
         name: "glossy_bilateral_h",
-        entries: &["horizontal"],
+        stages: &[Stage::GlossyHorizontal],
+        entry: "horizontal",
         bindings: GLOSSY_BINDINGS,
         pieces: GLOSSY_BILATERAL,
     };
     /// Stage 10.
     pub const GLOSSY_VERTICAL: Self = Self {
         name: "glossy_bilateral_v",
-        entries: &["vertical"],
+        stages: &[Stage::GlossyVertical],
+        entry: "vertical",
         bindings: GLOSSY_BINDINGS,
         pieces: GLOSSY_BILATERAL,
     };
     /// Stage 11.
     pub const DIRECT_TAA: Self = Self {
         name: "direct_taa",
-        entries: &["antialias"],
-        bindings: &[guides("guides"), colour("input"), colour("history"), written("output")],
+        stages: &[Stage::DirectTaa],
+        entry: "antialias",
+        bindings: &[GEOMETRY, MOVING, colour("input"), colour("history"), written("output")],
         pieces: &[
-            FRAME,
-            SETTINGS,
             GUIDES,
+            GUIDES_MOVING,
             MATH,
             CLIP,
             include_str!("../stages/direct_taa/shader.wgsl"),
-            UNIFORMS,
             include_str!("passes/direct_taa.wgsl"),
         ],
     };
     /// The sum.
     pub const COMPOSITE: Self = Self {
         name: "composite",
-        entries: &["composite"],
+        stages: &[Stage::Composite],
+        entry: "composite",
         bindings: &[
             colour("direct"),
             colour("matte"),
@@ -241,17 +241,57 @@ impl Pass {
             colour("glossy_weight"),
             written("output"),
         ],
+        pieces: &[include_str!("../stages/composite/shader.wgsl"), include_str!("passes/composite.wgsl")],
+    };
+    /// Stages 3 and 8: both read the same guides.
+    pub const TEMPORAL: Self = Self {
+        name: "matte_temporal+glossy_temporal",
+        stages: &[Stage::MatteTemporal, Stage::GlossyTemporal],
+        entry: "accumulate_both",
+        bindings: &[
+            GEOMETRY,
+            SURFACE,
+            MOVING,
+            GEOMETRY_BEFORE,
+            SURFACE_BEFORE,
+            colour("matte_current"),
+            colour("matte_history"),
+            number("matte_history_length"),
+            written("matte_output"),
+            counted("matte_length"),
+            colour("glossy_current"),
+            colour("glossy_history"),
+            number("glossy_history_length"),
+            written("glossy_output"),
+            counted("glossy_length"),
+        ],
         pieces: &[
-            FRAME,
-            SETTINGS,
-            include_str!("../stages/composite/shader.wgsl"),
-            UNIFORMS,
-            include_str!("passes/composite.wgsl"),
+            GUIDES,
+            GUIDES_SURFACE,
+            GUIDES_MOVING,
+            GUIDES_BEFORE,
+            MATH,
+            CLIP,
+            REPROJECT,
+            MIRROR_IMAGE,
+            TEMPORAL,
+            MATTE_TEMPORAL,
+            GLOSSY_TEMPORAL,
+            ACCUMULATED,
+            include_str!("passes/temporal.wgsl"),
         ],
     };
+    /// Stages 5 and 6: what stage 5 shows never leaves workgroup memory.
+    pub const DISOCCLUSION_FIREFLY: Self = Self {
+        name: "disocclusion+firefly",
+        stages: &[Stage::Disocclusion, Stage::Firefly],
+        entry: "blend_and_suppress",
+        bindings: &[colour("temporal"), colour("prefiltered"), written("floored"), written("output")],
+        pieces: &[MATH, DISOCCLUSION, FIREFLY, DISTRUST, include_str!("passes/disocclusion_firefly.wgsl")],
+    };
 
-    /// All passes in the order of the pipeline.
-    pub const ALL: [Self; 10] = [
+    /// One stage each, in the order of the pipeline.
+    pub const SINGLE: [Self; 10] = [
         Self::MATTE_TEMPORAL,
         Self::MATTE_PREFILTER,
         Self::DISOCCLUSION,
@@ -263,9 +303,58 @@ impl Pass {
         Self::DIRECT_TAA,
         Self::COMPOSITE,
     ];
+    /// Several stages each.
+    pub const FUSED: [Self; 2] = [Self::TEMPORAL, Self::DISOCCLUSION_FIREFLY];
 
-    /// The shader: its pieces one after another.
-    pub fn source(&self) -> String {
-        self.pieces.join("\n")
+    /// All passes.
+    pub fn all() -> impl Iterator<Item = Self> {
+        Self::SINGLE.into_iter().chain(Self::FUSED)
+    }
+
+    /// The pass that runs one stage alone.
+    pub const fn of(stage: Stage) -> Self {
+        match stage {
+            Stage::MatteTemporal => Self::MATTE_TEMPORAL,
+            Stage::MattePrefilter => Self::MATTE_PREFILTER,
+            Stage::Disocclusion => Self::DISOCCLUSION,
+            Stage::Firefly => Self::FIREFLY,
+            Stage::MatteBilateral => Self::MATTE_BILATERAL,
+            Stage::GlossyTemporal => Self::GLOSSY_TEMPORAL,
+            Stage::GlossyHorizontal => Self::GLOSSY_HORIZONTAL,
+            Stage::GlossyVertical => Self::GLOSSY_VERTICAL,
+            Stage::DirectTaa => Self::DIRECT_TAA,
+            Stage::Composite => Self::COMPOSITE,
+        }
+    }
+
+    /// The shader: declarations of its bindings, then its pieces one after another. `host_input`: the image that it
+    /// filters comes from the host as it is, so that its colours are repaired when they are loaded; it matters to stages
+    /// that can come first, 4, 6, 7, 9 and 10 (3, 8, 11 and the sum always repair).
+    pub fn source(&self, storage: Storage, host_input: bool) -> String {
+        let mut source = String::from(
+            "// What every pass is told.\n@group(0) @binding(0) var<uniform> frame: Frame;\n\
+             @group(0) @binding(1) var<uniform> settings: Settings;\n",
+        );
+        for (number, binding) in (FIRST_BINDING..).zip(self.bindings) {
+            let name = binding.name;
+            let (space, ty) = match binding.kind {
+                BindingKind::Sampled(texel) => ("", format!("texture_2d<{}>", texel.component())),
+                BindingKind::Stored(texel) => {
+                    ("", format!("texture_storage_2d<{}, write>", texel.format_name(storage)))
+                }
+                BindingKind::Taps => ("<storage, read>", "array<SpiralTap>".to_owned()),
+            };
+            source += &format!("@group(0) @binding({number}) var{space} {name}: {ty};\n");
+        }
+        let taken = if host_input { "input_colour(texel)" } else { "texel.xyz" };
+        source += &format!(
+            "\n// A colour of the image that the pass filters.\nfn first_colour(texel: vec4f) -> vec3f {{\n    return {taken};\n}}\n"
+        );
+        let shared = [FRAME, SETTINGS, INPUT_COLOUR, GUIDES_TYPES, storage.wgsl()];
+        for piece in shared.iter().chain(self.pieces) {
+            source.push('\n');
+            source += piece;
+        }
+        source
     }
 }

@@ -36,7 +36,7 @@ const COLOURS: [&str; 7] =
 const FIRST: u32 = 3;
 
 const FRAME: &str = include_str!("frame.wgsl");
-const GUIDES: &str = include_str!("guides.wgsl");
+const GUIDES: &str = include_str!("guides/types.wgsl");
 const BORDER: &str = include_str!("passes/prepare.wgsl");
 const BORDER_GUIDES: &str = include_str!("passes/prepare_guides.wgsl");
 
@@ -74,7 +74,11 @@ const HEAD: &str = "@group(0) @binding(0) var<uniform> frame: Frame;
 pub fn prepare_source() -> String {
     let textures = declared(TEXTURES);
     let last = FIRST + TEXTURES.len() as u32;
-    let out = format!("@group(0) @binding({last}) var<storage, read_write> guides: array<Guide>;\n");
+    let out = format!(
+        "@group(0) @binding({last}) var<storage, read_write> guides: array<Guide>;\n\
+         fn sample_position(pixel: vec2i) -> vec2f {{ return vec2f(pixel) + 0.5 + frame.jitter; }}\n\
+         fn index_of(pixel: vec2i) -> u32 {{ return u32(pixel.y) * frame.size.x + u32(pixel.x); }}\n"
+    );
     [HEAD, &textures, &out, FRAME, GUIDES, BORDER, BORDER_GUIDES].join("\n")
 }
 

@@ -1,9 +1,10 @@
 //! What every pass is told: the frame's cameras, and the settings. Twins of `frame.wgsl` and `settings.wgsl`.
 
-use super::guides::{Guide, SpiralTap};
+use super::guides::SpiralTap;
 use super::uniform::{Uniform, Value, uniforms};
 use crate::border::Guides;
 use crate::camera::Projection;
+use crate::history::Validity;
 use crate::kernels::mirror_image::FARTHEST_BENT_PX;
 use crate::plane::Size;
 use crate::settings::{
@@ -34,7 +35,9 @@ uniforms! {
         jitter: Vec2,
         before_jitter: Vec2,
         size: UVec2,
-        has_history: u32,
+        matte_history: u32,
+        glossy_history: u32,
+        direct_history: u32,
         has_glossy_hit: u32,
         has_roughness: u32,
     }
@@ -145,7 +148,6 @@ pub fn layouts() -> Vec<Uniform> {
     vec![
         View::layout(),
         FrameUniforms::layout(),
-        Guide::layout(),
         SpiralTap::layout(),
         Surface::layout(),
         Blend::layout(),
@@ -204,11 +206,13 @@ impl FrameUniforms {
             has_glossy_hit: guides.has_glossy_hit,
             has_roughness: guides.has_roughness,
         };
-        Self::from_cameras(&cameras(now), before.map(cameras).as_ref())
+        let there = before.is_some();
+        let valid = Validity { matte: there, glossy: there, direct: there };
+        Self::from_cameras(&cameras(now), before.map(cameras).as_ref(), valid)
     }
 
-    /// Likewise, from cameras alone.
-    pub(super) fn from_cameras(now: &Cameras, before: Option<&Cameras>) -> Self {
+    /// Likewise, from cameras alone, and from what of the frame before may be used.
+    pub(super) fn from_cameras(now: &Cameras, before: Option<&Cameras>, valid: Validity) -> Self {
         let eye = now.view.eye;
         let before_or_now = before.unwrap_or(now);
         Self {
@@ -218,7 +222,9 @@ impl FrameUniforms {
             jitter: now.jitter,
             before_jitter: before_or_now.jitter,
             size: UVec2::new(now.size.width as u32, now.size.height as u32),
-            has_history: u32::from(before.is_some()),
+            matte_history: u32::from(before.is_some() && valid.matte),
+            glossy_history: u32::from(before.is_some() && valid.glossy),
+            direct_history: u32::from(before.is_some() && valid.direct),
             has_glossy_hit: u32::from(now.has_glossy_hit),
             has_roughness: u32::from(now.has_roughness),
         }

@@ -1,8 +1,6 @@
 // Twin of mirror_image.rs: where the mirror image of a glossy surface was in the previous frame, and which of the four
 // pixels there still show the same reflector.
 
-// Normals that differ by less (length of the difference) are the same up to rounding.
-const SAME_NORMAL: f32 = 1e-5;
 // Planes apart by less, in sizes of a pixel, are the same up to rounding.
 const SAME_PLANE_PX: f32 = 0.01;
 // Least squared sine of the angle between the two directions in which the reflected ray turns.
@@ -28,7 +26,7 @@ fn reflector_lookup(expected: Expected, coordinate: vec2f, pixel: vec2i) -> Look
     if !on_screen(coordinate) {
         return no_lookup();
     }
-    let own = guides[index_of(pixel)];
+    let own = surface_of(pixel);
     let rejection = select(REJECTION_PLANE, REJECTION_OFF, settings.surface.rejection == REJECTION_OFF);
     let footprint = footprint_of(coordinate);
     var trusts = array(0.0, 0.0, 0.0, 0.0);
@@ -37,7 +35,7 @@ fn reflector_lookup(expected: Expected, coordinate: vec2f, pixel: vec2i) -> Look
         if !contains(q) {
             continue;
         }
-        let there = guides_before[index_of(q)];
+        let there = before_at(q);
         if there.depth == BACKGROUND
             || there.id != own.id
             || abs(there.roughness - own.roughness) > settings.mirror.reflector_roughness
@@ -47,10 +45,6 @@ fn reflector_lookup(expected: Expected, coordinate: vec2f, pixel: vec2i) -> Look
         trusts[k] = distance_trust(expected, q, rejection);
     }
     return lookup_of(footprint, trusts);
-}
-
-fn lookup_pixel(index: u32) -> vec2i {
-    return vec2i(i32(index % frame.size.x), i32(index / frame.size.x));
 }
 
 // The reflector at a pixel as the four pixels at its old place show it: `visible` is their lookup.
@@ -64,18 +58,18 @@ fn previous_reflector(expected: Expected, visible: Lookup, pixel: vec2i) -> Expe
     var sum = vec3f(0.0);
     for (var k = 0; k < 4; k++) {
         if taps.weight[k] > 0.0 {
-            position += taps.weight[k] * world_before(lookup_pixel(taps.index[k]));
-            sum += taps.weight[k] * guides_before[taps.index[k]].normal;
+            position += taps.weight[k] * world_before(taps.pixel[k]);
+            sum += taps.weight[k] * before_at(taps.pixel[k]).normal;
         }
     }
     let normal = normalize_or_zero(sum);
     var spread = 0.0;
     for (var k = 0; k < 4; k++) {
         if taps.weight[k] > 0.0 {
-            spread = max(spread, length(guides_before[taps.index[k]].normal - normal));
+            spread = max(spread, length(before_at(taps.pixel[k]).normal - normal));
         }
     }
-    let turned = length(guides[index_of(pixel)].normal - normal) > spread + SAME_NORMAL;
+    let turned = length(surface_of(pixel).normal - normal) > spread + SAME_NORMAL;
     let shift = abs(dot(world_of(pixel) - position, normal));
     let shifted = shift > SAME_PLANE_PX * pixel_size_at(frame.view, expected.view_depth);
     var before = expected;
@@ -104,7 +98,7 @@ fn virtual_coordinate(expected: Expected, hit_distance: f32, pixel: vec2i) -> Pl
             before = pixel_of_direction(frame.previous_view, eye_ray);
         }
     } else {
-        let reflected = mirrored_in(eye_ray, guides[index_of(pixel)].normal);
+        let reflected = mirrored_in(eye_ray, surface_of(pixel).normal);
         if is_finite {
             let hit = position + reflected * distance;
             let mirrored = hit - 2.0 * dot(hit - expected.position, expected.normal) * expected.normal;
@@ -119,10 +113,9 @@ fn virtual_coordinate(expected: Expected, hit_distance: f32, pixel: vec2i) -> Pl
 }
 
 // By how much the reflected previous eye ray of one pixel misses the hit point.
-fn bent_miss(index: u32, hit: vec3f, is_finite: bool, reflected: vec3f) -> vec3f {
-    let q = lookup_pixel(index);
+fn bent_miss(q: vec2i, hit: vec3f, is_finite: bool, reflected: vec3f) -> vec3f {
     let ray = normalize_or_zero(ray_direction(frame.before_view, sample_position_before(q)));
-    let away = mirrored_in(ray, guides_before[index].normal);
+    let away = mirrored_in(ray, before_at(q).normal);
     let wanted = select(reflected, normalize_or_zero(hit - world_before(q)), is_finite);
     return wanted - away;
 }
@@ -146,7 +139,7 @@ fn bent_coordinate(expected: Expected, visible: Lookup, hit_distance: f32, pixel
         if first < 0 {
             first = k;
         }
-        let change = guides_before[taps.index[k]].normal - guides_before[taps.index[first]].normal;
+        let change = before_at(taps.pixel[k]).normal - before_at(taps.pixel[first]).normal;
         is_plane = is_plane && length(change) <= SAME_NORMAL;
     }
     if first < 0 || is_plane {
@@ -157,13 +150,13 @@ fn bent_coordinate(expected: Expected, visible: Lookup, hit_distance: f32, pixel
         return Place(surface, true);
     }
     let eye_ray = normalize_or_zero(ray_direction(frame.view, sample_position(pixel)));
-    let reflected = mirrored_in(eye_ray, guides[index_of(pixel)].normal);
+    let reflected = mirrored_in(eye_ray, surface_of(pixel).normal);
     let is_finite = hit_distance < FAR;
     let hit = world_of(pixel) + reflected * select(0.0, hit_distance, is_finite);
-    let f0 = bent_miss(taps.index[0], hit, is_finite, reflected);
-    let f1 = bent_miss(taps.index[1], hit, is_finite, reflected);
-    let f2 = bent_miss(taps.index[2], hit, is_finite, reflected);
-    let f3 = bent_miss(taps.index[3], hit, is_finite, reflected);
+    let f0 = bent_miss(taps.pixel[0], hit, is_finite, reflected);
+    let f1 = bent_miss(taps.pixel[1], hit, is_finite, reflected);
+    let f2 = bent_miss(taps.pixel[2], hit, is_finite, reflected);
+    let f3 = bent_miss(taps.pixel[3], hit, is_finite, reflected);
     let middle = 0.25 * ((f0 + f1) + (f2 + f3));
     let du = 0.5 * ((f1 - f0) + (f3 - f2));
     let dv = 0.5 * ((f2 - f0) + (f3 - f1));
@@ -184,21 +177,23 @@ fn bent_coordinate(expected: Expected, visible: Lookup, hit_distance: f32, pixel
 
 // The glossy hit distance of a pixel after the 3x3 filter over the same reflector.
 fn filtered_hit(pixel: vec2i) -> f32 {
-    let own = guides[index_of(pixel)];
+    let own = surface_of(pixel);
+    let own_hit = moving_at(pixel, own.view_depth).glossy_hit;
     if settings.mirror.hit_filter == HIT_FILTER_OFF {
-        return own.glossy_hit;
+        return own_hit;
     }
     var values: array<f32, 9>;
     var count = 0u;
-    var least = own.glossy_hit;
+    var least = own_hit;
     for (var k = 0; k < 9; k++) {
         let q = pixel + vec2i(k % 3, k / 3) - 1;
         if contains(q) {
-            let guide = guides[index_of(q)];
-            if guide.id == own.id && guide.depth != BACKGROUND {
-                values[count] = guide.glossy_hit;
+            let there = surface_of(q);
+            if there.id == own.id && there.view_depth != BACKGROUND {
+                let hit = moving_at(q, there.view_depth).glossy_hit;
+                values[count] = hit;
                 count++;
-                least = min(least, guide.glossy_hit);
+                least = min(least, hit);
             }
         }
     }
@@ -218,5 +213,5 @@ fn filtered_hit(pixel: vec2i) -> f32 {
             return values[i];
         }
     }
-    return own.glossy_hit;
+    return own_hit;
 }

@@ -1,6 +1,6 @@
 // Twin of reproject.rs: where a surface was in the previous frame, and which of the four pixels there still show it.
 //
-// The pass supplies the arrays `guides` and `guides_before`.
+// The pass supplies the planes of the guides, now and before.
 
 // The surface that history must show: where it was, as far as motion tells.
 struct Expected {
@@ -20,8 +20,8 @@ struct Expected {
 
 // Up to four pixels of the previous image with weights that add up to 1, and how far they are to be trusted.
 struct Lookup {
-    // Linear pixel indices, row-major.
-    index: array<u32, 4>,
+    // The four pixels of the footprint.
+    pixel: array<vec2i, 4>,
     // Weights; 0 for pixels that show something else.
     weight: array<f32, 4>,
     // rho, 0..1; 0: there is no history.
@@ -32,13 +32,12 @@ struct Lookup {
 const LEAST_FOOTPRINT: f32 = 1e-3;
 
 fn no_lookup() -> Lookup {
-    return Lookup(array(0u, 0u, 0u, 0u), array(0.0, 0.0, 0.0, 0.0), 0.0);
+    return Lookup(array(vec2i(0), vec2i(0), vec2i(0), vec2i(0)), array(0.0, 0.0, 0.0, 0.0), 0.0);
 }
 
 // Position of a pixel of the previous image, whose depth must be finite.
 fn world_before(pixel: vec2i) -> vec3f {
-    let depth = guides_before[index_of(pixel)].depth;
-    return world(frame.before_view, sample_position_before(pixel), depth);
+    return world(frame.before_view, sample_position_before(pixel), depth_before(pixel));
 }
 
 fn sample_position_before(pixel: vec2i) -> vec2f {
@@ -72,15 +71,16 @@ fn footprint_pixel(footprint: Footprint, k: i32) -> vec2i {
 
 // Step 1 and 6, matte: the surface at a pixel, where it was.
 fn expected_surface(pixel: vec2i) -> Expected {
-    let own = guides[index_of(pixel)];
-    var expected = Expected(vec2f(0.0), vec3f(0.0), own.normal, own.depth, false, false);
-    expected.coordinate = vec2f(pixel) + 0.5 + own.motion;
-    if own.depth == BACKGROUND || !on_screen(expected.coordinate) {
+    let own = surface_of(pixel);
+    let motion = moving_at(pixel, own.view_depth).motion;
+    var expected = Expected(vec2f(0.0), vec3f(0.0), own.normal, own.view_depth, false, false);
+    expected.coordinate = vec2f(pixel) + 0.5 + motion;
+    if own.view_depth == BACKGROUND || !on_screen(expected.coordinate) {
         return expected;
     }
-    expected.position = world_of(pixel);
+    expected.position = own.position;
     let by_camera = pixel_of(frame.previous_view, expected.position);
-    let difference = by_camera.coordinate - sample_position(pixel) - own.motion;
+    let difference = by_camera.coordinate - sample_position(pixel) - motion;
     expected.moved = !by_camera.found || length(difference) > settings.surface.static_motion;
     if !expected.moved {
         expected.found = true;
@@ -94,7 +94,7 @@ fn expected_surface(pixel: vec2i) -> Expected {
     for (var k = 0; k < 4; k++) {
         let q = footprint_pixel(footprint, k);
         if contains(q) {
-            let there = guides_before[index_of(q)];
+            let there = before_at(q);
             if there.depth != BACKGROUND && there.id == own.id && weights[k] >= best {
                 best = weights[k];
                 nearest = q;
@@ -107,11 +107,11 @@ fn expected_surface(pixel: vec2i) -> Expected {
     let anchor = world_before(nearest);
     let travelled =
         abs(view_depth_of(frame.previous_view, anchor) - view_depth_of(frame.previous_view, expected.position));
-    if travelled > settings.surface.moving_depth * own.depth {
+    if travelled > settings.surface.moving_depth * own.view_depth {
         return expected;
     }
     expected.position = anchor;
-    expected.normal = guides_before[index_of(nearest)].normal;
+    expected.normal = before_at(nearest).normal;
     expected.found = true;
     return expected;
 }
@@ -143,7 +143,7 @@ fn lookup_of(footprint: Footprint, trusts: array<f32, 4>) -> Lookup {
     var trusted = 0.0;
     for (var k = 0; k < 4; k++) {
         if trust_of[k] > 0.0 {
-            found.index[k] = index_of(footprint_pixel(footprint, k));
+            found.pixel[k] = footprint_pixel(footprint, k);
             found.weight[k] = weights[k];
             total += weights[k];
             trusted += weights[k] * trust_of[k];
@@ -161,7 +161,7 @@ fn lookup_of(footprint: Footprint, trusts: array<f32, 4>) -> Lookup {
 
 // Steps 4 and 6: the bilinear footprint at the expected place, each of its four pixels tested singly.
 fn surface_lookup(expected: Expected, pixel: vec2i) -> Lookup {
-    let id = guides[index_of(pixel)].id;
+    let id = surface_of(pixel).id;
     let footprint = footprint_of(expected.coordinate);
     var trusts = array(0.0, 0.0, 0.0, 0.0);
     for (var k = 0; k < 4; k++) {
@@ -169,7 +169,7 @@ fn surface_lookup(expected: Expected, pixel: vec2i) -> Lookup {
         if !contains(q) {
             continue;
         }
-        let there = guides_before[index_of(q)];
+        let there = before_at(q);
         if there.depth == BACKGROUND
             || there.id != id
             || dot(there.normal, expected.normal) < settings.surface.normal_min {

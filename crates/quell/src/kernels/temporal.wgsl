@@ -1,6 +1,6 @@
 // Twin of temporal.rs: what stages 3 and 8 share once they know where history lies: fetch, clamp, blend.
 //
-// The pass supplies `current_at`, `history_at` and `history_length_at`.
+// `current`: the host's colours; `history`, `history_length`: what the frame before left.
 
 // Frames after which history is counted no further.
 const LONGEST_HISTORY: f32 = 4096.0;
@@ -40,7 +40,7 @@ fn weigh(blend: Blend, trust: f32, frames: f32) -> Weighed {
 }
 
 // The clamp's box at a pixel: of the surfaces within the radius, in the unfiltered current signal.
-fn colour_box_at(blend: Blend, pixel: vec2i) -> ColourBox {
+fn colour_box_at(blend: Blend, pixel: vec2i, current: texture_2d<f32>) -> ColourBox {
     let first = max(pixel - blend.clip_radius, vec2i(0));
     let last = min(pixel + blend.clip_radius, vec2i(frame.size) - 1);
     var gathered = colour_box_empty();
@@ -48,7 +48,7 @@ fn colour_box_at(blend: Blend, pixel: vec2i) -> ColourBox {
         for (var tx = first.x; tx <= last.x; tx++) {
             let q = vec2i(tx, ty);
             if is_surface(q) {
-                gathered = colour_box_add(gathered, current_at(index_of(q)));
+                gathered = colour_box_add(gathered, input_colour(textureLoad(current, q, 0)));
             }
         }
     }
@@ -56,44 +56,52 @@ fn colour_box_at(blend: Blend, pixel: vec2i) -> ColourBox {
 }
 
 // Weighted mean of up to four previous pixels.
-fn fetch(found: Lookup) -> vec3f {
+fn fetch(found: Lookup, history: texture_2d<f32>) -> vec3f {
     var lookup = found;
     var sum = vec3f(0.0);
     for (var k = 0; k < 4; k++) {
         if lookup.weight[k] > 0.0 {
-            sum += lookup.weight[k] * history_at(lookup.index[k]);
+            sum += lookup.weight[k] * textureLoad(history, lookup.pixel[k], 0).xyz;
         }
     }
     return sum;
 }
 
 // Weighted mean of the history length.
-fn fetch_length(found: Lookup) -> f32 {
+fn fetch_length(found: Lookup, history_length: texture_2d<f32>) -> f32 {
     var lookup = found;
     var sum = 0.0;
     for (var k = 0; k < 4; k++) {
         if lookup.weight[k] > 0.0 {
-            sum += lookup.weight[k] * history_length_at(lookup.index[k]);
+            sum += lookup.weight[k] * textureLoad(history_length, lookup.pixel[k], 0).x;
         }
     }
     return sum;
 }
 
 // Fetch, clamp and blend at the place that was looked up: `accumulate` of stage 3's reference.rs.
-fn accumulate(blend: Blend, pixel: vec2i, lookup: Lookup) -> Accumulated {
-    let now = current_at(index_of(pixel));
-    let trust = lookup.trust * guides[index_of(pixel)].confidence_in;
-    let weighed = weigh(blend, trust, fetch_length(lookup));
-    let confidence = select(1.0, weighed.confidence, is_surface(pixel));
+fn accumulate(
+    blend: Blend,
+    pixel: vec2i,
+    lookup: Lookup,
+    current: texture_2d<f32>,
+    history: texture_2d<f32>,
+    history_length: texture_2d<f32>,
+) -> Accumulated {
+    let now = input_colour(textureLoad(current, pixel, 0));
+    let depth = depth_at(pixel);
+    let trust = lookup.trust * moving_at(pixel, depth).confidence_in;
+    let weighed = weigh(blend, trust, fetch_length(lookup, history_length));
+    let confidence = select(1.0, weighed.confidence, depth != BACKGROUND);
     if weighed.history <= 0.0 {
         return Accumulated(now, confidence, weighed.length);
     }
-    let history = fetch(lookup);
-    var held = history;
+    let fetched = fetch(lookup, history);
+    var held = fetched;
     if blend.clip != CLIP_OFF {
-        let clamped = colour_box_clamp(colour_box_at(blend, pixel), history);
+        let clamped = colour_box_clamp(colour_box_at(blend, pixel, current), fetched);
         for (var c = 0; c < 3; c++) {
-            held[c] = follow_itself(history[c], shareable(history[c], clamped[c], now[c]));
+            held[c] = follow_itself(fetched[c], shareable(fetched[c], clamped[c], now[c]));
         }
     }
     return Accumulated(weighed.history * held + (1.0 - weighed.history) * now, confidence, weighed.length);

@@ -1,16 +1,16 @@
 // Stage 6, one pixel an invocation.
-@group(0) @binding(2) var<storage, read> guides: array<Guide>;
-@group(0) @binding(3) var<storage, read> input: array<vec4f>;
-@group(0) @binding(4) var<storage, read_write> output: array<vec4f>;
+fn firefly_input(pixel: vec2i) -> vec3f {
+    return first_colour(textureLoad(input, pixel, 0));
+}
 
-fn firefly_input(i: u32) -> vec3f {
-    return input[i].xyz;
+fn firefly_is_surface(pixel: vec2i) -> bool {
+    return is_surface(pixel);
 }
 
 @compute @workgroup_size(8, 8)
 fn suppress(@builtin(global_invocation_id) id: vec3u) {
     let pixel = vec2i(id.xy);
     if contains(pixel) {
-        output[index_of(pixel)] = vec4f(firefly(pixel), 0.0);
+        textureStore(output, pixel, vec4f(stored_colour(firefly(pixel)), 0.0));
     }
 }

@@ -3,6 +3,8 @@
 fn accumulate_matte(@builtin(global_invocation_id) id: vec3u) {
     let pixel = vec2i(id.xy);
     if contains(pixel) {
-        store(pixel, matte_temporal(pixel));
+        let result = matte_temporal(pixel, current, history, history_length);
+        textureStore(output, pixel, texel_of(result, is_surface(pixel)));
+        textureStore(new_length, pixel, vec4f(result.length));
     }
 }

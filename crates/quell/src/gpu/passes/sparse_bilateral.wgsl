@@ -5,24 +5,23 @@ struct SpiralTap {
     weight: f32,
 }
 
-@group(0) @binding(2) var<storage, read> guides: array<Guide>;
-@group(0) @binding(3) var<storage, read> spiral: array<SpiralTap>;
-@group(0) @binding(4) var<storage, read> input: array<vec4f>;
-@group(0) @binding(5) var<storage, read_write> output: array<vec4f>;
-
 fn spiral_tap(i: u32) -> SpiralTap {
     return spiral[i];
 }
 
-fn sparse_input(i: u32) -> vec3f {
-    return input[i].xyz;
+fn sparse_input(pixel: vec2i) -> vec3f {
+    return first_colour(textureLoad(input, pixel, 0));
+}
+
+fn store(pixel: vec2i, colour: vec3f) {
+    textureStore(output, pixel, vec4f(stored_colour(colour), 0.0));
 }
 
 @compute @workgroup_size(8, 8)
 fn matte_prefilter(@builtin(global_invocation_id) id: vec3u) {
     let pixel = vec2i(id.xy);
     if contains(pixel) {
-        output[index_of(pixel)] = vec4f(sparse_bilateral(pixel, settings.matte_edge, settings.matte_prefilter), 0.0);
+        store(pixel, sparse_bilateral(pixel, settings.matte_edge, settings.matte_prefilter));
     }
 }
 
@@ -30,6 +29,6 @@ fn matte_prefilter(@builtin(global_invocation_id) id: vec3u) {
 fn matte_bilateral(@builtin(global_invocation_id) id: vec3u) {
     let pixel = vec2i(id.xy);
     if contains(pixel) {
-        output[index_of(pixel)] = vec4f(sparse_bilateral(pixel, settings.matte_edge, settings.matte_bilateral), 0.0);
+        store(pixel, sparse_bilateral(pixel, settings.matte_edge, settings.matte_bilateral));
     }
 }

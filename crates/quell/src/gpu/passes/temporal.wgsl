@@ -1,26 +1,15 @@
-// Bindings of stages 3 and 8. States hold confidence and history length.
-@group(0) @binding(2) var<storage, read> guides: array<Guide>;
-@group(0) @binding(3) var<storage, read> guides_before: array<Guide>;
-@group(0) @binding(4) var<storage, read> current: array<vec4f>;
-@group(0) @binding(5) var<storage, read> history: array<vec4f>;
-@group(0) @binding(6) var<storage, read> history_state: array<vec2f>;
-@group(0) @binding(7) var<storage, read_write> output: array<vec4f>;
-@group(0) @binding(8) var<storage, read_write> state: array<vec2f>;
-
-fn current_at(i: u32) -> vec3f {
-    return current[i].xyz;
-}
-
-fn history_at(i: u32) -> vec3f {
-    return history[i].xyz;
-}
-
-fn history_length_at(i: u32) -> f32 {
-    return history_state[i].y;
-}
-
-fn store(pixel: vec2i, accumulated: Accumulated) {
-    let i = index_of(pixel);
-    output[i] = vec4f(accumulated.colour, 0.0);
-    state[i] = vec2f(accumulated.confidence, accumulated.length);
+// Stages 3 and 8 in one, one pixel an invocation: they read the same guides, now and before.
+@compute @workgroup_size(8, 8)
+fn accumulate_both(@builtin(global_invocation_id) id: vec3u) {
+    let pixel = vec2i(id.xy);
+    if !contains(pixel) {
+        return;
+    }
+    let on_surface = is_surface(pixel);
+    let matte = matte_temporal(pixel, matte_current, matte_history, matte_history_length);
+    textureStore(matte_output, pixel, texel_of(matte, on_surface));
+    textureStore(matte_length, pixel, vec4f(matte.length));
+    let glossy = glossy_temporal(pixel, glossy_current, glossy_history, glossy_history_length);
+    textureStore(glossy_output, pixel, texel_of(glossy, on_surface));
+    textureStore(glossy_length, pixel, vec4f(glossy.length));
 }

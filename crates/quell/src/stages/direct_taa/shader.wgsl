@@ -10,17 +10,17 @@ fn direct_taa_fetch(coordinate: vec2f) -> vec3f {
     let last = vec2i(frame.size) - 1;
     let first = clamp(vec2i(base), vec2i(0), last);
     let second = clamp(vec2i(base) + 1, vec2i(0), last);
-    let a = direct_history_at(index_of(first));
-    let b = direct_history_at(index_of(vec2i(second.x, first.y)));
-    let c = direct_history_at(index_of(vec2i(first.x, second.y)));
-    let d = direct_history_at(index_of(second));
+    let a = direct_history_at(first);
+    let b = direct_history_at(vec2i(second.x, first.y));
+    let c = direct_history_at(vec2i(first.x, second.y));
+    let d = direct_history_at(second);
     return lerp(lerp(a, b, t.x), lerp(c, d, t.x), t.y);
 }
 
 // Stage 11 at one pixel.
 fn direct_taa(pixel: vec2i) -> vec3f {
-    let now = direct_at(index_of(pixel));
-    if frame.has_history == 0u {
+    let now = direct_at(pixel);
+    if frame.direct_history == 0u {
         return now;
     }
     let first = max(pixel - 1, vec2i(0));
@@ -31,20 +31,20 @@ fn direct_taa(pixel: vec2i) -> vec3f {
     for (var ty = first.y; ty <= last.y; ty++) {
         for (var tx = first.x; tx <= last.x; tx++) {
             let q = vec2i(tx, ty);
-            let guide = guides[index_of(q)];
-            if guide.depth != BACKGROUND && guide.depth < depth {
-                depth = guide.depth;
+            let there = depth_at(q);
+            if there != BACKGROUND && there < depth {
+                depth = there;
                 nearest = q;
             }
-            gathered = colour_box_add(gathered, direct_at(index_of(q)));
+            gathered = colour_box_add(gathered, direct_at(q));
         }
     }
-    let motion = guides[index_of(nearest)].motion;
+    let motion = moving_at(nearest, depth).motion;
     let speed = length(motion);
     let coordinate = vec2f(pixel) + 0.5 + motion;
     let trust = settings.direct_taa.history
         * max(1.0 - speed / settings.direct_taa.falloff_px, 0.0)
-        * guides[index_of(pixel)].confidence_in;
+        * moving_at(pixel, depth_at(pixel)).confidence_in;
     if trust <= 0.0 || any(coordinate < vec2f(0.0)) || any(coordinate > vec2f(frame.size)) {
         return now;
     }

@@ -1,6 +1,6 @@
 // Twin of reference.rs: stage 6.
 //
-// The pass supplies `firefly_input`.
+// The pass supplies `firefly_input` and `firefly_is_surface`.
 
 // Rank of the median among nine.
 const FIREFLY_MIDDLE: u32 = 4u;
@@ -22,46 +22,45 @@ fn firefly_median(values: array<f32, 9>) -> u32 {
     return FIREFLY_MIDDLE;
 }
 
-// Index of the pixel whose value is taken; `own`: this pixel's.
-fn firefly_pick(neighbours: array<u32, 9>, values: array<f32, 9>, own: u32, own_value: f32) -> u32 {
-    var indices = neighbours;
+// The pixel whose value is taken; `own`: this one.
+fn firefly_pick(neighbours: array<vec2i, 9>, values: array<f32, 9>, own: vec2i, own_value: f32) -> vec2i {
+    var pixels = neighbours;
     var candidates = values;
     let k = firefly_median(values);
     let is_firefly = own_value > settings.firefly.threshold * candidates[k];
-    return select(own, indices[k], settings.firefly.plain != 0u || is_firefly);
+    return select(own, pixels[k], settings.firefly.plain != 0u || is_firefly);
 }
 
 // Stage 6 at one pixel.
 fn firefly(pixel: vec2i) -> vec3f {
-    let own = index_of(pixel);
-    let centre = firefly_input(own);
-    if !is_surface(pixel) {
+    let centre = firefly_input(pixel);
+    if !firefly_is_surface(pixel) {
         return centre;
     }
-    var neighbours: array<u32, 9>;
+    var neighbours: array<vec2i, 9>;
     var colours: array<vec3f, 9>;
     for (var k = 0; k < 9; k++) {
         let q = pixel + vec2i(k % 3, k / 3) - 1;
-        var index = own;
+        var chosen = pixel;
         if contains(q) {
-            index = select(own, index_of(q), is_surface(q));
+            chosen = select(pixel, q, firefly_is_surface(q));
         }
-        neighbours[k] = index;
-        colours[k] = firefly_input(index);
+        neighbours[k] = chosen;
+        colours[k] = firefly_input(chosen);
     }
     var values: array<f32, 9>;
     if settings.firefly.luminance != 0u {
         for (var k = 0; k < 9; k++) {
             values[k] = luminance(colours[k]);
         }
-        return firefly_input(firefly_pick(neighbours, values, own, luminance(centre)));
+        return firefly_input(firefly_pick(neighbours, values, pixel, luminance(centre)));
     }
     var chosen: vec3f;
     for (var c = 0; c < 3; c++) {
         for (var k = 0; k < 9; k++) {
             values[k] = colours[k][c];
         }
-        chosen[c] = firefly_input(firefly_pick(neighbours, values, own, centre[c]))[c];
+        chosen[c] = firefly_input(firefly_pick(neighbours, values, pixel, centre[c]))[c];
     }
     return chosen;
 }

@@ -12,7 +12,7 @@ fn glossy_radius_px(axis: vec2i, pixel: vec2i) -> f32 {
     if glossy.radius == RADIUS_CONSTANT {
         radius = glossy.constant_radius_px;
     } else if frame.has_roughness != 0u {
-        let roughness = guides[index_of(pixel)].roughness;
+        let roughness = surface_of(pixel).roughness;
         let spread = LOBE_SPREAD * roughness * roughness * frame.view.focal_px;
         var nearness = 1.0;
         if frame.has_glossy_hit != 0u {
@@ -30,26 +30,27 @@ fn glossy_radius_px(axis: vec2i, pixel: vec2i) -> f32 {
 }
 
 // 1 / (1 + l / d) for one pixel; parallel rays: the distance itself, in units of a pixel's size over the focal length.
-fn glossy_nearness(guide: Guide) -> f32 {
+fn glossy_nearness(pixel: vec2i, depth: f32) -> f32 {
+    let hit = moving_at(pixel, depth).glossy_hit;
     if frame.view.perspective == 0u {
-        return guide.glossy_hit;
+        return hit;
     }
     // d / (d + l): at a hit distance of 0 the quotient l / d is infinite.
-    return guide.glossy_hit / (guide.glossy_hit + guide.depth);
+    return hit / (hit + depth);
 }
 
 // Mean over the 3x3 neighbours of the same object. One path's own distance goes with its own light: a kernel sized by
 // it would blur bright samples more than dark ones, which loses energy.
 fn glossy_mean_nearness(pixel: vec2i) -> f32 {
-    let id = guides[index_of(pixel)].id;
+    let id = surface_of(pixel).id;
     var sum = 0.0;
     var count = 0.0;
     for (var k = 0; k < 9; k++) {
         let q = pixel + vec2i(k % 3, k / 3) - 1;
         if contains(q) {
-            let guide = guides[index_of(q)];
-            if guide.id == id && guide.depth != BACKGROUND {
-                sum += glossy_nearness(guide);
+            let there = surface_of(q);
+            if there.id == id && there.view_depth != BACKGROUND {
+                sum += glossy_nearness(q, there.view_depth);
                 count += 1.0;
             }
         }
@@ -59,14 +60,14 @@ fn glossy_mean_nearness(pixel: vec2i) -> f32 {
 
 // The larger change of the normal to the two neighbours along the axis that show the same object.
 fn glossy_normal_change(axis: vec2i, pixel: vec2i) -> f32 {
-    let own = guides[index_of(pixel)];
+    let own = surface_of(pixel);
     var squared = 0.0;
     for (var side = -1; side <= 1; side += 2) {
         let q = pixel + side * axis;
         if contains(q) {
-            let guide = guides[index_of(q)];
-            if guide.id == own.id && guide.depth != BACKGROUND {
-                let change = guide.normal - own.normal;
+            let there = surface_of(q);
+            if there.id == own.id && there.view_depth != BACKGROUND {
+                let change = there.normal - own.normal;
                 squared = max(squared, dot(change, change));
             }
         }
@@ -77,7 +78,7 @@ fn glossy_normal_change(axis: vec2i, pixel: vec2i) -> f32 {
 // Stage 9 or 10 at one pixel.
 fn glossy_bilateral(axis: vec2i, pixel: vec2i) -> vec3f {
     let glossy = settings.glossy_bilateral;
-    let centre = glossy_input(index_of(pixel));
+    let centre = glossy_input(pixel);
     let p = surface_of(pixel);
     if p.view_depth == BACKGROUND {
         return centre;
@@ -107,7 +108,7 @@ fn glossy_bilateral(axis: vec2i, pixel: vec2i) -> vec3f {
             }
             let w = edge * exp_negative(-offset * offset / (2.0 * sigma * sigma));
             if w > 0.0 {
-                sum += w * glossy_input(index_of(q));
+                sum += w * glossy_input(q);
                 total += w;
             }
         }

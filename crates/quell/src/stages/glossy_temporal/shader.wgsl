@@ -2,7 +2,7 @@
 
 // Where the history of a pixel lies: where the surface was visible, and its mirror image shown by the same reflector.
 fn glossy_temporal_lookup(pixel: vec2i) -> Lookup {
-    if frame.has_history == 0u || !is_surface(pixel) {
+    if frame.glossy_history == 0u || !is_surface(pixel) {
         return no_lookup();
     }
     var expected = expected_surface(pixel);
@@ -31,6 +31,12 @@ fn glossy_temporal_lookup(pixel: vec2i) -> Lookup {
 }
 
 // Stage 8 at one pixel.
-fn glossy_temporal(pixel: vec2i) -> Accumulated {
-    return accumulate(settings.glossy_blend, pixel, glossy_temporal_lookup(pixel));
+fn glossy_temporal(
+    pixel: vec2i,
+    current: texture_2d<f32>,
+    history: texture_2d<f32>,
+    history_length: texture_2d<f32>,
+) -> Accumulated {
+    let lookup = glossy_temporal_lookup(pixel);
+    return accumulate(settings.glossy_blend, pixel, lookup, current, history, history_length);
 }

@@ -4,7 +4,7 @@
 
 // The sparse cross-bilateral filter at one pixel.
 fn sparse_bilateral(pixel: vec2i, stops: EdgeStops, shape: SpiralSettings) -> vec3f {
-    let centre = sparse_input(index_of(pixel));
+    let centre = sparse_input(pixel);
     let p = surface_of(pixel);
     if p.view_depth == BACKGROUND {
         return centre;
@@ -26,7 +26,7 @@ fn sparse_bilateral(pixel: vec2i, stops: EdgeStops, shape: SpiralSettings) -> ve
         let direction = ray_direction(frame.view, sample_position(q));
         let w = tap.weight * edge_weight(stops, p, surface_of(q), origin, direction, pixel_size);
         if w > 0.0 {
-            sum += w * sparse_input(index_of(q));
+            sum += w * sparse_input(q);
             total += w;
         }
     }

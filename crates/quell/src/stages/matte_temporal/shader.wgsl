@@ -2,7 +2,7 @@
 
 // Where the history of a pixel lies.
 fn matte_temporal_lookup(pixel: vec2i) -> Lookup {
-    if frame.has_history == 0u || !is_surface(pixel) {
+    if frame.matte_history == 0u || !is_surface(pixel) {
         return no_lookup();
     }
     let expected = expected_surface(pixel);
@@ -13,6 +13,12 @@ fn matte_temporal_lookup(pixel: vec2i) -> Lookup {
 }
 
 // Stage 3 at one pixel.
-fn matte_temporal(pixel: vec2i) -> Accumulated {
-    return accumulate(settings.matte_blend, pixel, matte_temporal_lookup(pixel));
+fn matte_temporal(
+    pixel: vec2i,
+    current: texture_2d<f32>,
+    history: texture_2d<f32>,
+    history_length: texture_2d<f32>,
+) -> Accumulated {
+    let lookup = matte_temporal_lookup(pixel);
+    return accumulate(settings.matte_blend, pixel, lookup, current, history, history_length);
 }

@@ -4,7 +4,7 @@
 use super::device::{By, Job, Output, gpu};
 use super::inputs::Inputs;
 use crate::suite::frames::{Noise, Scene, box_before_wall, floor, jittered, mirror, moving, sphere, with_radius};
-use quell::gpu::{Kernel, Pass};
+use quell::gpu::{Kernel, Pass, Storage};
 use quell::stages::glossy_bilateral::Axis;
 use quell::{FrameBuf, Plane, Rgb, Settings, Signal, Size};
 
@@ -171,6 +171,10 @@ const CASES: &[Case] = &[
     case("4, gloss", WEIGHTS, &[("edge.matte_gloss", "1")], |i, s| i.sparse(false, s)),
     case("5", EXACT, &[("disocclusion.feedback_floor", "0.6")], |i, s| i.disocclusion(s)),
     case("5, wide", EXACT, &[("disocclusion.radius", "8"), ("disocclusion.blur", "5")], |i, s| i.disocclusion(s)),
+    case("5+6", EXACT, &[], |i, s| i.disocclusion_firefly(s)),
+    case("5+6, wide", EXACT, &[("disocclusion.radius", "8"), ("disocclusion.blur", "8")], |i, s| {
+        i.disocclusion_firefly(s)
+    }),
     case("6", EXACT, &[], |i, s| i.firefly(s)),
     case("6, plain", EXACT, &[("firefly.plain", "on")], |i, s| i.firefly(s)),
     case("6, luminance", EXACT, &[("firefly.median", "luminance")], |i, s| i.firefly(s)),
@@ -187,6 +191,7 @@ const CASES: &[Case] = &[
     case("8, not virtual", SURFACES, &[("glossy_temporal.virtual_reprojection", "off")], |i, s| {
         i.temporal(Signal::Glossy, s, true)
     }),
+    case("3+8", MIRRORS, &[], |i, s| i.both_temporal(s)),
     case("9", WEIGHTS, &[], |i, s| i.glossy(Axis::Horizontal, s)),
     case("10", WEIGHTS, &[], |i, s| i.glossy(Axis::Vertical, s)),
     case("9, monotone", WEIGHTS, &[("edge.monotone", "on")], |i, s| i.glossy(Axis::Horizontal, s)),
@@ -206,7 +211,7 @@ struct Kernels(Vec<(&'static str, Kernel)>);
 impl Kernels {
     fn get(&mut self, gpu: &super::device::Gpu, pass: Pass) -> &Kernel {
         let at = self.0.iter().position(|(name, _)| *name == pass.name).unwrap_or_else(|| {
-            self.0.push((pass.name, Kernel::new(&gpu.device, pass)));
+            self.0.push((pass.name, Kernel::new(&gpu.device, pass, Storage::Float, false)));
             self.0.len() - 1
         });
         &self.0[at].1
@@ -291,7 +296,18 @@ const PLANTED: &[(&str, &str, &str)] = &[
     ("4", "select(1.0, view_depth, view.perspective != 0u)", "1e6"),
     // guides.wgsl
     ("9", "vec2f(pixel) + 0.5 + frame.jitter", "vec2f(pixel).yx"),
-    ("6", "return guides[index_of(pixel)].depth != BACKGROUND;", "return true;"),
+    ("6", "return depth_at(pixel) != BACKGROUND;", "return true;"),
+    ("4", "geometry_normal(shape, skin),\n        depth,", "vec3f(0.0, 0.0, 1.0),\n        depth,"),
+    (
+        "3",
+        "return moving_of(textureLoad(moving, pixel, 0), depth);",
+        "return moving_of(textureLoad(moving, pixel.yx, 0), depth);",
+    ),
+    (
+        "3",
+        "let shape = textureLoad(geometry_before, pixel, 0);",
+        "let shape = textureLoad(geometry_before, pixel + 1, 0);",
+    ),
     // kernels
     ("6, luminance", "0.2126 * c.x + 0.7152 * c.y", "0.7152 * c.x + 0.2126 * c.y"),
     ("3, by point", "t * t * (3.0 - 2.0 * t)", "t"),
@@ -321,7 +337,7 @@ const PLANTED: &[(&str, &str, &str)] = &[
     // stages
     ("3", "accumulate(settings.matte_blend,", "accumulate(settings.glossy_blend,"),
     ("4", "i < shape.taps;", "i + 1u < shape.taps;"),
-    ("7", "sum += w * sparse_input(index_of(q));", "sum += w * sparse_input(index_of(pixel));"),
+    ("7", "sum += w * sparse_input(q);", "sum += w * sparse_input(pixel);"),
     ("5", "k = max(k, 1.0 - confidence_at", "k = min(k, 1.0 - confidence_at"),
     ("5", "sum += widest_at(vec2i(tx, pixel.y));", "sum += widest_at(pixel);"),
     ("5", "sum += rows_at(vec2i(pixel.x, ty));", "sum += rows_at(pixel);"),
@@ -329,20 +345,35 @@ const PLANTED: &[(&str, &str, &str)] = &[
     ("8", "reflected.trust *= visible.trust;", "reflected.trust *= 0.9;"),
     ("9", "const LOBE_SPREAD: f32 = 2.0;", "const LOBE_SPREAD: f32 = 1.9;"),
     ("10", "2.0 * frame.view.focal_px * bend", "frame.view.focal_px * bend"),
-    ("9", "sum += glossy_nearness(guide);", "sum += 1.0;"),
+    ("9", "sum += glossy_nearness(q, there.view_depth);", "sum += 1.0;"),
     ("9, monotone", "edge = min(edge, ceiling);", ""),
-    ("11", "guide.depth < depth", "guide.depth > depth"),
+    ("11", "there < depth", "there > depth"),
     ("11", "settings.direct_taa.clamp_falloff * relative", "0.0"),
     ("11", "lerp(lerp(a, b, t.x), lerp(c, d, t.x), t.y)", "lerp(a, d, t.x)"),
     ("composite", "weight * signal", "signal"),
     // passes
-    ("3", "return history_state[i].y;", "return history_state[i].x;"),
-    ("5", "disocclusion(temporal[i].xyz, prefiltered[i].xyz, k, fed_back)", "blended[i].xyz"),
-    ("6", "return input[i].xyz;", "return input[i].zyx;"),
+    ("3", "textureStore(new_length, pixel, vec4f(result.length))", "textureStore(new_length, pixel, vec4f(1.0))"),
+    ("5", "disocclusion(accumulated, smooth_estimate, k, fed_back)", "accumulated"),
+    (
+        "5",
+        "textureStore(floored, pixel, vec4f(stored_colour(result.floored), 0.0));",
+        "textureStore(floored, pixel, vec4f(0.0));",
+    ),
+    ("5+6", ".w >= 0.0", ".w >= -2.0"),
+    ("5+6", "vec4f(stored_colour(result.shown), accumulated.w)", "accumulated"),
+    ("5+6", "const BORDER: i32 = 1;", "const BORDER: i32 = 0;"),
+    ("5+6, wide", "pixel_in(inner_first - radius - blur, i, wide)", "pixel_in(inner_first - blur, i, wide)"),
+    (
+        "3+8",
+        "glossy_temporal(pixel, glossy_current, glossy_history, glossy_history_length)",
+        "glossy_temporal(pixel, glossy_current, matte_history, glossy_history_length)",
+    ),
+    ("3+8", "texel_of(glossy, on_surface)", "texel_of(matte, on_surface)"),
+    ("6", "return texel.xyz;\n}\n", "return texel.zyx;\n}\n"),
     ("7", "settings.matte_edge, settings.matte_bilateral", "settings.matte_edge, settings.matte_prefilter"),
-    ("8", "vec2f(accumulated.confidence, accumulated.length)", "vec2f(accumulated.length, accumulated.confidence)"),
+    ("8", "select(-accumulated.confidence, accumulated.confidence, on_surface)", "accumulated.length"),
     ("10", "glossy_bilateral(vec2i(0, 1), pixel)", "glossy_bilateral(vec2i(1, 0), pixel)"),
-    ("composite, all", "direct_glossy[i].xyz, on_glossy", "direct_glossy[i].xyz, on_matte"),
+    ("composite, all", "input_at(direct_glossy, pixel), on_glossy", "input_at(direct_glossy, pixel), on_matte"),
 ];
 
 #[test]
@@ -362,9 +393,9 @@ fn every_change_planted_in_a_shader_is_seen() {
         let seen = inputs.iter().any(|inputs| {
             let job = (case.job)(inputs, &settings);
             let kernel = kernel.get_or_insert_with(|| {
-                let source = job.pass.source();
+                let source = job.pass.source(job.storage, false);
                 assert!(source.contains(from), "{}: `{from}` is not there", job.pass.name);
-                Kernel::with_source(&gpu.device, job.pass, &source.replacen(from, to, 1))
+                Kernel::with_source(&gpu.device, job.pass, job.storage, &source.replacen(from, to, 1))
             });
             compare(&job.expected, &gpu.run(kernel, &job), case.bound).is_err()
         });

@@ -1,7 +1,7 @@
 //! A device with WebGPU's default limits and no feature, and one pass run on it.
 
 use quell::gpu::wgpu;
-use quell::gpu::{Access, FrameUniforms, Kernel, Pass, SettingsUniforms};
+use quell::gpu::{Bindable, BindingKind, FrameUniforms, Kernel, Pass, SettingsUniforms, Storage, Texel, Told};
 use quell::{Plane, Rgb, Size};
 use std::pin::pin;
 use std::sync::{Arc, OnceLock};
@@ -72,22 +72,44 @@ pub struct Output {
 /// A pass with everything that it is told, and what the reference makes of it.
 pub struct Job {
     pub pass: Pass,
+    pub storage: Storage,
     pub size: Size,
     pub frame: FrameUniforms,
     pub settings: SettingsUniforms,
-    /// One for each binding that is read, in their order.
+    /// One for each binding that is read, in their order; colours and numbers as 32-bit floats.
     pub inputs: Vec<Vec<u8>>,
     pub expected: Output,
 }
 
-/// A colour plane as a storage buffer holds it. The unused fourth value must not matter.
+/// A colour plane as an rgba32float texture holds it. The unused fourth value must not matter.
 pub fn colour_bytes(plane: &Plane<Rgb>) -> Vec<u8> {
     plane.data().iter().flat_map(|c| [c[0], c[1], c[2], f32::MAX]).flat_map(f32::to_le_bytes).collect()
 }
 
-/// Two scalar planes, interleaved.
-pub fn state_bytes(confidence: &Plane<f32>, length: &Plane<f32>) -> Vec<u8> {
-    confidence.data().iter().zip(length.data()).flat_map(|(c, n)| [*c, *n]).flat_map(f32::to_le_bytes).collect()
+/// Likewise with a fourth value.
+pub fn colour_and_bytes(plane: &Plane<Rgb>, fourth: &Plane<f32>) -> Vec<u8> {
+    let texels = plane.data().iter().zip(fourth.data()).flat_map(|(c, a)| [c[0], c[1], c[2], *a]);
+    texels.flat_map(f32::to_le_bytes).collect()
+}
+
+/// A plane of numbers.
+pub fn number_bytes(plane: &Plane<f32>) -> Vec<u8> {
+    plane.data().iter().copied().flat_map(f32::to_le_bytes).collect()
+}
+
+fn extent(size: Size) -> wgpu::Extent3d {
+    wgpu::Extent3d { width: size.width as u32, height: size.height as u32, depth_or_array_layers: 1 }
+}
+
+/// The value of a half.
+fn half(bits: u16) -> f32 {
+    let (sign, exponent, mantissa) = (bits >> 15, (bits >> 10) & 31, f32::from(bits & 1023));
+    let size = match exponent {
+        0 => mantissa * 2.0f32.powi(-24),
+        31 => f32::NAN,
+        _ => (1.0 + mantissa / 1024.0) * 2.0f32.powi(i32::from(exponent) - 15),
+    };
+    if sign == 1 { -size } else { size }
 }
 
 impl Gpu {
@@ -103,22 +125,93 @@ impl Gpu {
         buffer
     }
 
-    /// What storage buffers hold once everything submitted has run.
-    pub fn read(&self, buffers: &[&wgpu::Buffer]) -> Vec<Vec<f32>> {
+    /// A texture that holds `bytes`, row by row.
+    pub fn texture(&self, label: &str, format: wgpu::TextureFormat, size: Size, bytes: &[u8]) -> wgpu::TextureView {
+        let usages = wgpu::TextureUsages::COPY_SRC | wgpu::TextureUsages::TEXTURE_BINDING;
+        self.texture_with(label, format, size, bytes, usages)
+    }
+
+    /// Likewise with these usages.
+    pub fn texture_with(
+        &self,
+        label: &str,
+        format: wgpu::TextureFormat,
+        size: Size,
+        bytes: &[u8],
+        usages: wgpu::TextureUsages,
+    ) -> wgpu::TextureView {
+        let texture = self.device.create_texture(&wgpu::TextureDescriptor {
+            label: Some(label),
+            size: extent(size),
+            mip_level_count: 1,
+            sample_count: 1,
+            dimension: wgpu::TextureDimension::D2,
+            format,
+            usage: usages | wgpu::TextureUsages::COPY_DST,
+            view_formats: &[],
+        });
+        let row = format.block_copy_size(None).unwrap() * size.width as u32;
+        let layout = wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(row), rows_per_image: None };
+        self.queue.write_texture(texture.as_image_copy(), bytes, layout, extent(size));
+        texture.create_view(&wgpu::TextureViewDescriptor::default())
+    }
+
+    /// What textures of `size` hold once everything submitted has run, texel by texel: four numbers of a colour, or one.
+    pub fn read(&self, size: Size, views: &[&wgpu::TextureView]) -> Vec<Vec<f32>> {
         let mut encoder = self.device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("read") });
-        let copies: Vec<wgpu::Buffer> = buffers
+        let copies: Vec<(wgpu::Buffer, wgpu::TextureFormat, u32)> = views
             .iter()
-            .map(|buffer| {
+            .map(|view| {
+                let format = view.texture().format();
+                let row = format.block_copy_size(None).unwrap() * size.width as u32;
+                let padded = row.next_multiple_of(wgpu::COPY_BYTES_PER_ROW_ALIGNMENT);
                 let copy = self.device.create_buffer(&wgpu::BufferDescriptor {
                     label: Some("copy"),
-                    size: buffer.size(),
+                    size: u64::from(padded) * size.height as u64,
                     usage: wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST,
                     mapped_at_creation: false,
                 });
-                encoder.copy_buffer_to_buffer(buffer, 0, &copy, 0, buffer.size());
-                copy
+                let layout =
+                    wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(padded), rows_per_image: None };
+                let to = wgpu::TexelCopyBufferInfo { buffer: &copy, layout };
+                encoder.copy_texture_to_buffer(view.texture().as_image_copy(), to, extent(size));
+                (copy, format, row)
             })
             .collect();
+        self.queue.submit([encoder.finish()]);
+        copies.iter().for_each(|(copy, ..)| copy.map_async(wgpu::MapMode::Read, .., |result| result.unwrap()));
+        self.device.poll(wgpu::PollType::wait_indefinitely()).unwrap();
+        let floats = |(copy, format, row): &(wgpu::Buffer, wgpu::TextureFormat, u32)| {
+            let bytes = copy.get_mapped_range(..).unwrap();
+            let rows = bytes.chunks_exact(bytes.len() / size.height).map(|r| &r[..*row as usize]);
+            let is_half = *format == wgpu::TextureFormat::Rgba16Float;
+            let mut out = Vec::new();
+            for row in rows {
+                if is_half {
+                    out.extend(row.chunks_exact(2).map(|b| half(u16::from_le_bytes([b[0], b[1]]))));
+                } else {
+                    out.extend(row.chunks_exact(4).map(|b| f32::from_le_bytes([b[0], b[1], b[2], b[3]])));
+                }
+            }
+            out
+        };
+        copies.iter().map(floats).collect()
+    }
+
+    /// What storage buffers hold once everything submitted has run.
+    pub fn read_buffers(&self, buffers: &[&wgpu::Buffer]) -> Vec<Vec<f32>> {
+        let mut encoder = self.device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("read") });
+        let copy_of = |buffer: &&wgpu::Buffer| {
+            let copy = self.device.create_buffer(&wgpu::BufferDescriptor {
+                label: Some("copy"),
+                size: buffer.size(),
+                usage: wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST,
+                mapped_at_creation: false,
+            });
+            encoder.copy_buffer_to_buffer(buffer, 0, &copy, 0, buffer.size());
+            copy
+        };
+        let copies: Vec<wgpu::Buffer> = buffers.iter().map(copy_of).collect();
         self.queue.submit([encoder.finish()]);
         copies.iter().for_each(|copy| copy.map_async(wgpu::MapMode::Read, .., |result| result.unwrap()));
         self.device.poll(wgpu::PollType::wait_indefinitely()).unwrap();
@@ -134,40 +227,53 @@ impl Gpu {
         let frame = self.buffer("frame", &job.frame.bytes(), wgpu::BufferUsages::UNIFORM);
         let settings = self.buffer("settings", &job.settings.bytes(), wgpu::BufferUsages::UNIFORM);
         let mut inputs = job.inputs.iter();
-        let storage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC;
-        let buffers: Vec<wgpu::Buffer> = job
-            .pass
-            .bindings
-            .iter()
-            .map(|binding| match binding.access {
-                Access::Read => self.buffer(binding.name, inputs.next().unwrap(), storage),
-                // NaN everywhere: a pixel that is not written shows.
-                Access::Write => {
-                    let bytes = vec![0xff; (binding.stride as usize) * job.size.pixels()];
-                    self.buffer(binding.name, &bytes, storage)
+        let pixels = job.size.pixels();
+        let mut planes: Vec<Option<wgpu::TextureView>> = Vec::new();
+        let mut taps: Vec<wgpu::Buffer> = Vec::new();
+        for binding in job.pass.bindings {
+            planes.push(match binding.kind {
+                BindingKind::Sampled(texel) => {
+                    // Colours and numbers are the host's: exact, whatever the storage.
+                    let stored = if texel.component() == "u32" { job.storage } else { Storage::Float };
+                    Some(self.texture(binding.name, texel.format(stored), job.size, inputs.next().unwrap()))
                 }
+                // NaN everywhere: a pixel that is not written shows.
+                BindingKind::Stored(texel) => {
+                    let bytes = vec![0xff; texel.bytes(job.storage) as usize * pixels];
+                    let usages = wgpu::TextureUsages::COPY_SRC | wgpu::TextureUsages::STORAGE_BINDING;
+                    Some(self.texture_with(binding.name, texel.format(job.storage), job.size, &bytes, usages))
+                }
+                BindingKind::Taps => {
+                    taps.push(self.buffer(binding.name, inputs.next().unwrap(), wgpu::BufferUsages::STORAGE));
+                    None
+                }
+            });
+        }
+        assert!(inputs.next().is_none(), "{}: an input too many", job.pass.name);
+        let bound: Vec<Bindable<'_>> =
+            planes.iter().map(|p| p.as_ref().map_or_else(|| Bindable::Taps(&taps[0]), Bindable::Plane)).collect();
+        let mut encoder = self.device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("test") });
+        let told = Told { frame: &frame, settings: &settings };
+        kernel.encode(&self.device, &mut encoder, told, &bound, job.size).unwrap();
+        self.queue.submit([encoder.finish()]);
+        let written: Vec<(&'static str, Texel, &wgpu::TextureView)> = (job.pass.bindings.iter().zip(&planes))
+            .filter_map(|(b, plane)| match b.kind {
+                BindingKind::Stored(texel) => Some((b.name, texel, plane.as_ref()?)),
+                _ => None,
             })
             .collect();
-        assert!(inputs.next().is_none(), "{}: an input too many", job.pass.name);
-        let mut encoder = self.device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("test") });
-        let bound: Vec<&wgpu::Buffer> = buffers.iter().collect();
-        kernel.encode(&self.device, &mut encoder, &frame, &settings, &bound, job.size).unwrap();
-        self.queue.submit([encoder.finish()]);
-        let written = || job.pass.bindings.iter().zip(&buffers).filter(|(b, _)| b.access == Access::Write);
-        let contents = self.read(&written().map(|(_, buffer)| buffer).collect::<Vec<_>>());
+        let contents = self.read(job.size, &written.iter().map(|(.., view)| *view).collect::<Vec<_>>());
         let mut output = Output { by: By::Gpu, colours: Vec::new(), scalars: Vec::new() };
-        for ((binding, _), floats) in written().zip(contents) {
-            let plane = |stride, k| Plane::from_vec(job.size, floats.iter().skip(k).step_by(stride).copied().collect());
-            match binding.stride {
-                16 => {
-                    let colours = floats.chunks_exact(4).map(|c| [c[0], c[1], c[2]]).collect();
-                    output.colours.push((binding.name, Plane::from_vec(job.size, colours).unwrap()));
-                }
-                8 => {
-                    output.scalars.push(("confidence", plane(2, 0).unwrap()));
-                    output.scalars.push(("history length", plane(2, 1).unwrap()));
-                }
-                _ => {} // a plane of the pass's own
+        for ((name, texel, _), floats) in written.into_iter().zip(contents) {
+            if texel == Texel::Number {
+                output.scalars.push(("history length", Plane::from_vec(job.size, floats).unwrap()));
+                continue;
+            }
+            let colours = floats.chunks_exact(4).map(|c| [c[0], c[1], c[2]]).collect();
+            output.colours.push((name, Plane::from_vec(job.size, colours).unwrap()));
+            if job.expected.scalars.len() > output.scalars.len() {
+                let confidence = floats.iter().skip(3).step_by(4).map(|a| a.abs()).collect();
+                output.scalars.push(("confidence", Plane::from_vec(job.size, confidence).unwrap()));
             }
         }
         output

@@ -1,9 +1,9 @@
 //! What the passes are run on: the reference's own images of a fourth frame, after three of history.
 
-use super::device::{By, Job, Output, colour_bytes, state_bytes};
+use super::device::{By, Job, Output, colour_and_bytes, colour_bytes, number_bytes};
 use crate::suite::frames::{Scene, guides};
 use quell::border::Guides;
-use quell::gpu::{FrameUniforms, Pass, SettingsUniforms, pack_guides, pack_spiral};
+use quell::gpu::{FrameUniforms, Pass, SettingsUniforms, Storage, pack_guides, pack_spiral};
 use quell::kernels::spiral::{Spiral, SpiralShape};
 use quell::stages::glossy_bilateral::Axis;
 use quell::stages::matte_temporal::reference::{Remembered, Temporal};
@@ -77,10 +77,23 @@ impl Inputs {
         last.unwrap()
     }
 
+    /// The three planes of guides of this frame.
+    fn guide_planes(&self) -> [Vec<u8>; 3] {
+        let texels = pack_guides(self.now(), Storage::Float);
+        [texels.geometry, texels.surface, texels.moving]
+    }
+
+    /// The two that outlive their frame.
+    fn guide_planes_before(&self) -> [Vec<u8>; 2] {
+        let texels = pack_guides(self.before(), Storage::Float);
+        [texels.geometry, texels.surface]
+    }
+
     fn job(&self, pass: Pass, settings: &Settings, inputs: Vec<Vec<u8>>, colours: Vec<Plane<Rgb>>) -> Job {
         let names = ["first output", "second output"];
         Job {
             pass,
+            storage: Storage::Float,
             size: self.size(),
             frame: FrameUniforms::new(self.now(), Some(self.before())),
             settings: SettingsUniforms::new(settings, self.size()),
@@ -103,13 +116,8 @@ impl Inputs {
         let remembered = Remembered { planes: &history.planes, length: &history.length, guides: self.before() };
         let current = self.signal(signal, BEFORE);
         let temporal = run(std::slice::from_ref(&current), with_history.then_some(remembered), self.now(), settings);
-        let inputs = vec![
-            pack_guides(self.now()),
-            pack_guides(self.before()),
-            colour_bytes(&current),
-            colour_bytes(&history.planes[0]),
-            state_bytes(&history.confidence, &history.length),
-        ];
+        let mut inputs: Vec<Vec<u8>> = self.guide_planes().into_iter().chain(self.guide_planes_before()).collect();
+        inputs.extend([colour_bytes(&current), colour_bytes(&history.planes[0]), number_bytes(&history.length)]);
         let mut job = self.job(pass, settings, inputs, temporal.planes);
         if !with_history {
             job.frame = FrameUniforms::new(self.now(), None);
@@ -124,6 +132,16 @@ impl Inputs {
         matte_temporal::reference::run(&[self.signal(Signal::Matte, BEFORE)], Some(remembered), self.now(), settings)
     }
 
+    /// What stage 3 writes: background's confidence is negative.
+    fn accumulated_bytes(&self, temporal: &Temporal) -> Vec<u8> {
+        let depth = &self.now().depth;
+        let signed = Plane::from_fn(self.size(), |x, y| {
+            let confidence = temporal.confidence.at(x, y);
+            if depth.at(x, y).is_finite() { confidence } else { -confidence }
+        });
+        colour_and_bytes(&temporal.planes[0], &signed)
+    }
+
     /// Stage 4 or 7, on the accumulated signal.
     pub fn sparse(&self, second: bool, settings: &Settings) -> Job {
         let input = self.accumulated(settings).planes;
@@ -135,7 +153,8 @@ impl Inputs {
             let shape = SpiralShape::prefilter(&settings.matte_prefilter, rows, index);
             (Pass::MATTE_PREFILTER, shape, matte_prefilter::reference::run(&input, self.now(), settings, index))
         };
-        let inputs = vec![pack_guides(self.now()), pack_spiral(&Spiral::new(&shape)), colour_bytes(&input[0])];
+        let [geometry, surface, _] = self.guide_planes();
+        let inputs = vec![geometry, surface, pack_spiral(&Spiral::new(&shape)), colour_bytes(&input[0])];
         self.job(pass, settings, inputs, output)
     }
 
@@ -149,19 +168,38 @@ impl Inputs {
             .into_iter()
             .flat_map(|least| disocclusion::reference::run(&temporal.planes, &prefiltered, &distrust, least))
             .collect();
-        let inputs = vec![
-            state_bytes(&temporal.confidence, &temporal.length),
-            colour_bytes(&temporal.planes[0]),
-            colour_bytes(&prefiltered[0]),
-        ];
+        let inputs = vec![self.accumulated_bytes(&temporal), colour_bytes(&prefiltered[0])];
         self.job(Pass::DISOCCLUSION, settings, inputs, outputs)
+    }
+
+    /// Stages 5 and 6 in one.
+    pub fn disocclusion_firefly(&self, settings: &Settings) -> Job {
+        let mut job = self.disocclusion(settings);
+        job.pass = Pass::DISOCCLUSION_FIREFLY;
+        let [(_, shown), (_, floored)] = &job.expected.colours[..] else { return job };
+        let median = firefly::reference::run(std::slice::from_ref(shown), self.now(), &settings.firefly);
+        let floored = floored.clone();
+        job.expected.colours = vec![("floored", floored), ("median", median[0].clone())];
+        job
+    }
+
+    /// Stages 3 and 8 in one.
+    pub fn both_temporal(&self, settings: &Settings) -> Job {
+        let mut job = self.temporal(Signal::Matte, settings, true);
+        let mut glossy = self.temporal(Signal::Glossy, settings, true);
+        job.pass = Pass::TEMPORAL;
+        job.inputs.extend(glossy.inputs.drain(5..));
+        job.expected.colours.append(&mut glossy.expected.colours);
+        job.expected.scalars.append(&mut glossy.expected.scalars);
+        job
     }
 
     /// Stage 6, on the noisy signal.
     pub fn firefly(&self, settings: &Settings) -> Job {
         let input = self.signal(Signal::Matte, BEFORE);
         let output = firefly::reference::run(std::slice::from_ref(&input), self.now(), &settings.firefly);
-        self.job(Pass::FIREFLY, settings, vec![pack_guides(self.now()), colour_bytes(&input)], output)
+        let [geometry, ..] = self.guide_planes();
+        self.job(Pass::FIREFLY, settings, vec![geometry, colour_bytes(&input)], output)
     }
 
     /// Stage 9 or 10, on the noisy signal.
@@ -172,7 +210,8 @@ impl Inputs {
             Axis::Vertical => Pass::GLOSSY_VERTICAL,
         };
         let output = glossy_bilateral::reference::run(std::slice::from_ref(&input), self.now(), settings, axis);
-        self.job(pass, settings, vec![pack_guides(self.now()), colour_bytes(&input)], output)
+        let inputs = self.guide_planes().into_iter().chain([colour_bytes(&input)]).collect();
+        self.job(pass, settings, inputs, output)
     }
 
     /// Stage 11, on the two noisy signals as direct light and its history.
@@ -180,7 +219,8 @@ impl Inputs {
         let (input, history) = (self.signal(Signal::Matte, BEFORE), self.signal(Signal::Matte, BEFORE - 1));
         let remembered = with_history.then_some(&history);
         let output = direct_taa::reference::run(&input, remembered, self.now(), &settings.direct_taa);
-        let inputs = vec![pack_guides(self.now()), colour_bytes(&input), colour_bytes(&history)];
+        let [geometry, _, moving] = self.guide_planes();
+        let inputs = vec![geometry, moving, colour_bytes(&input), colour_bytes(&history)];
         let mut job = self.job(Pass::DIRECT_TAA, settings, inputs, vec![output]);
         if !with_history {
             job.frame = FrameUniforms::new(self.now(), None);

@@ -2,41 +2,61 @@
 
 use super::device::gpu;
 use quell::Size;
-use quell::gpu::wgpu::BufferUsages;
-use quell::gpu::{Error, Kernel, Pass};
+use quell::gpu::wgpu::{BufferUsages, TextureFormat, TextureUsages};
+use quell::gpu::{Bindable, Error, Kernel, Pass, Storage, Told};
 
 #[test]
-fn wrong_buffers_and_sizes_are_errors_that_name_them() {
+fn wrong_resources_and_sizes_are_errors_that_name_them() {
     let Some(gpu) = gpu() else { return };
-    let kernel = Kernel::new(&gpu.device, Pass::FIREFLY);
+    let kernel = Kernel::new(&gpu.device, Pass::FIREFLY, Storage::Half, false);
     let size = Size::new(8, 4);
     let uniform = gpu.buffer("uniform", &[0; 2048], BufferUsages::UNIFORM);
-    let storage = |bytes| gpu.buffer("storage", &vec![0; bytes], BufferUsages::STORAGE);
-    let (guides, input, output) = (storage(48 * 32), storage(16 * 32), storage(16 * 32));
-    let (short, wrong) = (storage(16 * 31 + 12), gpu.buffer("wrong", &[0; 16 * 32], BufferUsages::VERTEX));
-    let encode = |uniforms: [&_; 2], buffers: &[&_], size| {
-        let mut encoder = gpu.device.create_command_encoder(&Default::default());
-        kernel.encode(&gpu.device, &mut encoder, uniforms[0], uniforms[1], buffers, size)
+    let storage = gpu.buffer("storage", &[0; 16], BufferUsages::STORAGE);
+    let texture = |format: TextureFormat, size: Size, usage| {
+        let bytes = vec![0; format.block_copy_size(None).unwrap() as usize * size.pixels()];
+        gpu.texture_with("texture", format, size, &bytes, usage)
     };
-    let uniforms = [&uniform, &uniform];
-    assert_eq!(encode(uniforms, &[&guides, &input, &output], size), Ok(()));
+    let (sampled, stored) = (TextureUsages::TEXTURE_BINDING, TextureUsages::STORAGE_BINDING);
+    let geometry = texture(TextureFormat::Rg32Uint, size, sampled);
+    let input = texture(TextureFormat::Rgba16Float, size, sampled);
+    let output = texture(TextureFormat::Rgba16Float, size, stored);
+    let short = texture(TextureFormat::Rgba16Float, Size::new(8, 3), stored);
+    let exact = texture(TextureFormat::Rgba32Float, size, stored);
+    let [geometry, input, output, short, exact] = [&geometry, &input, &output, &short, &exact].map(Bindable::Plane);
+    let encode = |[frame, settings]: [&_; 2], bound: &[Bindable<'_>], size| {
+        let mut encoder = gpu.device.create_command_encoder(&Default::default());
+        kernel.encode(&gpu.device, &mut encoder, Told { frame, settings }, bound, size)
+    };
+    let told = [&uniform, &uniform];
+    let (pass, binding) = ("firefly", "output");
+    assert_eq!(encode(told, &[geometry, input, output], size), Ok(()));
+    assert_eq!(encode(told, &[geometry, input], size), Err(Error::Count { pass, expected: 3, found: 2 }));
     assert_eq!(
-        encode(uniforms, &[&guides, &input], size),
-        Err(Error::BufferCount { pass: "firefly", expected: 3, found: 2 })
+        encode(told, &[geometry, input, short], size),
+        Err(Error::TextureSize { pass, binding, needed: size, found: Size::new(8, 3) })
     );
     assert_eq!(
-        encode(uniforms, &[&guides, &input, &short], size),
-        Err(Error::BufferSize { pass: "firefly", binding: "output", size, needed: 512, found: 508 })
+        encode(told, &[geometry, input, exact], size),
+        Err(Error::Format { pass, binding, expected: "rgba16float", found: TextureFormat::Rgba32Float })
     );
     assert_eq!(
-        encode(uniforms, &[&guides, &wrong, &output], size),
-        Err(Error::BufferUsage { pass: "firefly", binding: "input", usage: "STORAGE" })
+        encode(told, &[geometry, input, input], size),
+        Err(Error::Usage { pass, binding, usage: "STORAGE_BINDING" })
     );
     assert_eq!(
-        encode([&uniform, &input], &[&guides, &input, &output], size),
-        Err(Error::BufferUsage { pass: "firefly", binding: "settings", usage: "UNIFORM" })
+        encode(told, &[geometry, output, output], size),
+        Err(Error::Usage { pass, binding: "input", usage: "TEXTURE_BINDING" })
+    );
+    assert!(matches!(encode(told, &[input, input, output], size), Err(Error::Format { binding: "geometry", .. })));
+    assert!(matches!(
+        encode(told, &[geometry, Bindable::Taps(&storage), output], size),
+        Err(Error::Kind { binding: "input", .. })
+    ));
+    assert_eq!(
+        encode([&uniform, &storage], &[geometry, input, output], size),
+        Err(Error::Usage { pass, binding: "settings", usage: "UNIFORM" })
     );
     for bad in [Size::new(0, 4), Size::new(1 << 20, 1)] {
-        assert!(matches!(encode(uniforms, &[&guides, &input, &output], bad), Err(Error::Size { .. })), "{bad}");
+        assert!(matches!(encode(told, &[geometry, input, output], bad), Err(Error::Size { .. })), "{bad}");
     }
 }

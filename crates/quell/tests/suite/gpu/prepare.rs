@@ -8,7 +8,7 @@ use quell::border::{PlaneName, Repair, Sanitised};
 use quell::gpu::wgpu::{BufferUsages, CommandEncoderDescriptor, TextureFormat as F, TextureView};
 use quell::gpu::{
     Border, Channel, Convention, DepthKind, Error, FrameUniforms, GuideTextures, MotionUnit, NormalEncoding,
-    NormalSpace, Prepare, Repairs, RoughnessKind, Scalar, pack_guides, prepare_source,
+    NormalSpace, Prepare, Repairs, RoughnessKind, Scalar, Storage, pack_guides, prepare_source,
 };
 use quell::{Backend, Camera, Denoiser, FrameBuf, Plane, Settings, Size};
 
@@ -42,9 +42,11 @@ fn unpack(floats: &[f32]) -> Packed {
 }
 
 fn expected(frame: &FrameBuf) -> Packed {
-    let bytes = pack_guides(&guides(frame));
-    let (words, _) = bytes.as_chunks::<4>();
-    unpack(&words.iter().map(|b| f32::from_le_bytes(*b)).collect::<Vec<_>>())
+    let texels = pack_guides(&guides(frame), Storage::Float);
+    let floats = |bytes: &[u8]| bytes.as_chunks::<4>().0.iter().map(|b| f32::from_le_bytes(*b)).collect::<Vec<f32>>();
+    let (geometry, surface, moving) = (floats(&texels.geometry), floats(&texels.surface), floats(&texels.moving));
+    let texels = geometry.chunks_exact(4).zip(surface.chunks_exact(2)).zip(moving.chunks_exact(4));
+    texels.map(|((g, s), m)| [g[0], g[1], g[2], g[3], m[0], m[1], s[1], m[2], s[0], m[3]]).collect()
 }
 
 /// Where the two differ; ids by their bits.
@@ -99,7 +101,7 @@ fn run(gpu: &Gpu, prepare: &Prepare, border: &Border<'_>) -> (Packed, Sanitised)
     let mut encoder = gpu.device.create_command_encoder(&CommandEncoderDescriptor { label: Some("test") });
     prepare.encode(&gpu.device, &mut encoder, &frame, border, &out).unwrap();
     gpu.queue.submit([encoder.finish()]);
-    let read = gpu.read(&[&out, prepare.repairs().buffer()]);
+    let read = gpu.read_buffers(&[&out, prepare.repairs().buffer()]);
     let counts: Vec<u8> = read[1].iter().flat_map(|f| f.to_le_bytes()).collect();
     (unpack(&read[0]), Repairs::read(&counts).unwrap())
 }

@@ -3,30 +3,35 @@
 use super::agreement::{SEQUENCE, SIZE, canaries, compare, scenes};
 use super::device::{By, Gpu, Output, colour_bytes, gpu};
 use crate::suite::frames::{Noise, box_before_wall, denoise, guides, moving, with_radius};
-use quell::gpu::wgpu::{Buffer, BufferUsages, CommandEncoderDescriptor};
-use quell::gpu::{self, pack_guides};
+use quell::gpu::wgpu::{CommandEncoderDescriptor, TextureFormat, TextureUsages, TextureView};
+use quell::gpu::{self, Options, Storage, Texel, pack_guides};
 use quell::{Backend, Camera, Denoiser, FrameBuf, Plane, Rgb, Settings, Size};
 
-/// A frame's planes on the GPU.
+/// A frame's planes on the GPU, colours as 32-bit floats.
 struct Uploaded {
     frame: FrameBuf,
-    guides: Buffer,
-    direct: Buffer,
+    guides: [TextureView; 3],
+    direct: TextureView,
     /// Light, weight, noisy direct light.
-    signals: [Option<[Option<Buffer>; 3]>; 2],
+    signals: [Option<[Option<TextureView>; 3]>; 2],
 }
 
 impl Uploaded {
-    fn new(gpu: &Gpu, frame: &FrameBuf) -> Self {
-        // COPY_SRC: direct light comes out as the caller's own buffer where no stage filters it, and is read back.
-        let usage = BufferUsages::STORAGE | BufferUsages::COPY_SRC;
-        let colour = |plane: &Plane<Rgb>| gpu.buffer("colour", &colour_bytes(plane), usage);
-        let black = Plane::filled(frame.size, [0.0; 3]);
+    fn new(gpu: &Gpu, frame: &FrameBuf, storage: Storage) -> Self {
+        let size = frame.size;
+        let colour = |plane: &Plane<Rgb>| gpu.texture("colour", TextureFormat::Rgba32Float, size, &colour_bytes(plane));
+        let black = Plane::filled(size, [0.0; 3]);
         let signal = |light: &Option<Plane<Rgb>>, rest: [&Option<Plane<Rgb>>; 2]| {
             light.as_ref().map(|l| [Some(colour(l)), rest[0].as_ref().map(colour), rest[1].as_ref().map(colour)])
         };
+        let texels = pack_guides(&guides(frame), storage);
+        let guide = |texel: Texel, bytes: &[u8]| gpu.texture("guide", texel.format(storage), size, bytes);
         Self {
-            guides: gpu.buffer("guides", &pack_guides(&guides(frame)), usage),
+            guides: [
+                guide(Texel::Geometry, &texels.geometry),
+                guide(Texel::Surface, &texels.surface),
+                guide(Texel::Moving, &texels.moving),
+            ],
             direct: colour(frame.direct.as_ref().unwrap_or(&black)),
             signals: [
                 signal(&frame.matte, [&frame.matte_weight, &frame.direct_matte]),
@@ -41,11 +46,12 @@ impl Uploaded {
             let [light, weight, direct] = self.signals[k].as_ref()?;
             Some(gpu::Signal { light: light.as_ref()?, weight: weight.as_ref(), direct: direct.as_ref() })
         };
+        let [geometry, surface, moving] = &self.guides;
         gpu::Frame {
             camera: self.frame.camera,
             previous_camera: self.frame.previous_camera,
             index: self.frame.index,
-            guides: &self.guides,
+            guides: gpu::PackedGuides { geometry, surface, moving },
             has_roughness: self.frame.roughness.is_some(),
             has_glossy_hit: self.frame.glossy_hit_distance.is_some(),
             direct: &self.direct,
@@ -61,22 +67,20 @@ fn colours(size: Size, floats: &[f32]) -> Plane<Rgb> {
 
 /// What both denoisers are compared by.
 fn read(gpu: &Gpu, size: Size, output: &gpu::Output) -> Output {
-    let planes: Vec<(&'static str, &Buffer)> = [("composite", &output.composite), ("direct", &output.direct)]
+    let planes: Vec<(&'static str, &TextureView)> = [("composite", &output.composite), ("direct", &output.direct)]
         .into_iter()
         .chain(output.matte.iter().map(|b| ("matte", b)))
         .chain(output.glossy.iter().map(|b| ("glossy", b)))
         .collect();
-    let mut buffers: Vec<&Buffer> = planes.iter().map(|(_, b)| *b).collect();
-    buffers.extend(&output.state);
-    let contents = gpu.read(&buffers);
+    let mut views: Vec<&TextureView> = planes.iter().map(|(_, b)| *b).collect();
+    views.extend(output.confidence.iter().chain(&output.history_length));
+    let contents = gpu.read(size, &views);
     let colours = planes.iter().zip(&contents).map(|((name, _), floats)| (*name, colours(size, floats))).collect();
     let mut scalars = Vec::new();
-    if output.state.is_some() {
-        let state = &contents[planes.len()];
-        for (k, name) in ["confidence", "history length"].into_iter().enumerate() {
-            let plane = Plane::from_vec(size, state.iter().skip(k).step_by(2).copied().collect()).unwrap();
-            scalars.push((name, plane));
-        }
+    if let [confidence, length] = &contents[planes.len()..] {
+        let magnitude = confidence.iter().skip(3).step_by(4).map(|a| a.abs()).collect();
+        scalars.push(("confidence", Plane::from_vec(size, magnitude).unwrap()));
+        scalars.push(("history length", Plane::from_vec(size, length.clone()).unwrap()));
     }
     Output { by: By::Gpu, colours, scalars }
 }
@@ -91,17 +95,24 @@ fn on_reference(denoiser: &mut Denoiser, frame: &FrameBuf) -> Output {
 }
 
 fn on_gpu(gpu: &Gpu, denoiser: &mut gpu::Denoiser, frame: &FrameBuf) -> Output {
-    let uploaded = Uploaded::new(gpu, frame);
+    let uploaded = Uploaded::new(gpu, frame, denoiser.storage());
     let mut encoder = gpu.device.create_command_encoder(&CommandEncoderDescriptor { label: Some("host") });
     let output = denoiser.encode(&gpu.device, &mut encoder, &uploaded.frame()).unwrap();
     gpu.queue.submit([encoder.finish()]);
     read(gpu, frame.size, &output)
 }
 
+/// Everything exact.
+fn exact(settings: &Settings) -> Options {
+    let mut options = Options::new(settings);
+    options.storage = Storage::Float;
+    options
+}
+
 fn both(gpu: &Gpu, settings: &Settings, frames: &[FrameBuf]) -> [Output; 2] {
     let size = frames[0].size;
     let mut reference = Denoiser::with_backend(size, settings, Backend::Reference).unwrap();
-    let mut other = gpu::Denoiser::new(&gpu.device, size, settings).unwrap();
+    let mut other = gpu::Denoiser::new(&gpu.device, size, &exact(settings)).unwrap();
     let run = |frame| [on_reference(&mut reference, frame), on_gpu(gpu, &mut other, frame)];
     frames.iter().map(run).last().unwrap()
 }
@@ -168,7 +179,7 @@ fn a_cut_a_resize_and_planes_that_come_and_go_agree() {
     let scene = box_before_wall(moving, Noise::Sparse(0.4));
     let settings = Settings::default();
     let mut a = Denoiser::with_backend(Size::new(8, 8), &settings, Backend::Reference).unwrap();
-    let mut b = gpu::Denoiser::new(&gpu.device, Size::new(8, 8), &settings).unwrap();
+    let mut b = gpu::Denoiser::new(&gpu.device, Size::new(8, 8), &exact(&settings)).unwrap();
     let mut size = Size::new(8, 8);
     for (i, index) in [(0, 0), (1, 1), (2, 7), (3, 8), (4, 9), (5, 10), (6, 11), (7, 10), (8, 11)] {
         let wanted = if i < 6 { Size::new(37, 23) } else { Size::new(5, 41) };
@@ -202,9 +213,9 @@ fn frames_encoded_before_one_submit_are_as_if_submitted_singly() {
     let Some(gpu) = gpu() else { return };
     let scene = box_before_wall(moving, Noise::Sparse(0.4));
     let (size, settings) = (Size::new(37, 23), Settings::default());
-    let uploaded: Vec<Uploaded> = (0..3).map(|i| Uploaded::new(gpu, &scene.frame(size, i))).collect();
+    let uploaded: Vec<Uploaded> = (0..3).map(|i| Uploaded::new(gpu, &scene.frame(size, i), Storage::Half)).collect();
     let run = |together: bool, count: usize| {
-        let mut denoiser = gpu::Denoiser::new(&gpu.device, size, &settings).unwrap();
+        let mut denoiser = gpu::Denoiser::new(&gpu.device, size, &Options::new(&settings)).unwrap();
         let encoder = || gpu.device.create_command_encoder(&CommandEncoderDescriptor { label: Some("host") });
         let mut open = encoder();
         let mut output = None;
@@ -226,26 +237,30 @@ fn what_cannot_be_encoded_is_an_error_and_changes_nothing() {
     let Some(gpu) = gpu() else { return };
     let scene = box_before_wall(moving, Noise::Sparse(0.4));
     let (size, settings) = (Size::new(37, 23), Settings::default());
-    let uploaded = Uploaded::new(gpu, &scene.frame(size, 0));
-    let mut denoiser = gpu::Denoiser::new(&gpu.device, size, &settings).unwrap();
+    let uploaded = Uploaded::new(gpu, &scene.frame(size, 0), Storage::Half);
+    let options = Options::new(&settings);
+    let mut denoiser = gpu::Denoiser::new(&gpu.device, size, &options).unwrap();
     let mut encode = |frame: &gpu::Frame<'_>| {
         let mut encoder = gpu.device.create_command_encoder(&CommandEncoderDescriptor { label: Some("host") });
         denoiser.encode(&gpu.device, &mut encoder, frame).map(|output| output.had_history)
     };
-    let small = gpu.buffer("small", &[0; 16], BufferUsages::STORAGE | BufferUsages::COPY_SRC);
+    let few = Size::new(4, 4);
+    let small = gpu.texture("small", TextureFormat::Rgba16Float, few, &[0; 128]);
+    let private = gpu.texture_with("private", TextureFormat::Rgba16Float, few, &[0; 128], TextureUsages::COPY_SRC);
     let good = uploaded.frame();
     assert_eq!(encode(&good), Ok(false));
-    let error = encode(&gpu::Frame { guides: &small, ..good }).unwrap_err();
-    assert!(error.to_string().contains("`guides` holds 16 bytes"), "{error}");
-    let error = encode(&gpu::Frame { guides: &uploaded.direct, ..good }).unwrap_err();
-    assert!(error.to_string().contains("guides"), "{error}");
+    let guides = gpu::PackedGuides { geometry: &small, ..good.guides };
+    let error = encode(&gpu::Frame { guides, ..good }).unwrap_err();
+    assert!(error.to_string().contains("geometry"), "{error}");
     let error = encode(&gpu::Frame { direct: &small, ..good }).unwrap_err();
     assert!(error.to_string().contains("`direct`"), "{error}");
+    let error = encode(&gpu::Frame { direct: &private, ..good }).unwrap_err();
+    assert!(error.to_string().contains("TEXTURE_BINDING"), "{error}");
     let camera = Camera { clip_from_world: [0.0; 16], ..good.camera };
     let error = encode(&gpu::Frame { camera, ..good }).unwrap_err();
     assert!(error.to_string().contains("camera"), "{error}");
     assert_eq!(encode(&gpu::Frame { index: 1, ..good }), Ok(true), "history was lost by an error");
     for bad in [Size::new(0, 4), Size::new(1 << 20, 1), Size::new(32768, 32768)] {
-        assert!(gpu::Denoiser::new(&gpu.device, bad, &settings).is_err(), "{bad}");
+        assert!(gpu::Denoiser::new(&gpu.device, bad, &options).is_err(), "{bad}");
     }
 }

@@ -1,0 +1,97 @@
+// Stage 5's window in workgroup memory: confidence once for each pixel of a tile and its border, then the maximum, then
+// the mean along rows; each is as far as the next needs it. The pass declares `BORDER`: pixels around the tile of 8x8
+// for which distrust is wanted as well.
+
+// Largest `disocclusion.radius` and `disocclusion.blur`.
+const MOST_RADIUS: i32 = 8;
+const TILE: i32 = 8;
+const INVOCATIONS: i32 = TILE * TILE;
+const INNER: i32 = TILE + 2 * BORDER;
+const WIDEST_SIDE: i32 = INNER + 2 * MOST_RADIUS;
+const CONFIDENCE_SIDE: i32 = WIDEST_SIDE + 2 * MOST_RADIUS;
+
+var<workgroup> confidence_tile: array<f32, CONFIDENCE_SIDE * CONFIDENCE_SIDE>;
+var<workgroup> widest_tile: array<f32, WIDEST_SIDE * WIDEST_SIDE>;
+var<workgroup> rows_tile: array<f32, INNER * WIDEST_SIDE>;
+// First pixel of the tile with its border.
+var<private> inner_first: vec2i;
+
+fn confidence_slot(pixel: vec2i) -> i32 {
+    let halo = settings.disocclusion.radius + settings.disocclusion.blur;
+    let at = pixel - inner_first + halo;
+    return at.y * CONFIDENCE_SIDE + at.x;
+}
+
+fn widest_slot(pixel: vec2i) -> i32 {
+    let at = pixel - inner_first + settings.disocclusion.blur;
+    return at.y * WIDEST_SIDE + at.x;
+}
+
+fn rows_slot(pixel: vec2i) -> i32 {
+    let at = pixel - inner_first + vec2i(0, settings.disocclusion.blur);
+    return at.y * INNER + at.x;
+}
+
+fn confidence_at(pixel: vec2i) -> f32 {
+    return confidence_tile[confidence_slot(pixel)];
+}
+
+fn widest_at(pixel: vec2i) -> f32 {
+    return widest_tile[widest_slot(pixel)];
+}
+
+fn rows_at(pixel: vec2i) -> f32 {
+    return rows_tile[rows_slot(pixel)];
+}
+
+// Pixel `i` of an area that begins at `first` and is `width` wide.
+fn pixel_in(first: vec2i, i: i32, width: i32) -> vec2i {
+    return first + vec2i(i % width, i / width);
+}
+
+// Fills the three tiles; every invocation of the workgroup takes part.
+fn gather_distrust(group: vec2u, local: i32) {
+    inner_first = vec2i(group) * TILE - BORDER;
+    let radius = settings.disocclusion.radius;
+    let blur = settings.disocclusion.blur;
+    let wide = INNER + 2 * (radius + blur);
+    for (var i = local; i < wide * wide; i += INVOCATIONS) {
+        let pixel = pixel_in(inner_first - radius - blur, i, wide);
+        if contains(pixel) {
+            confidence_tile[confidence_slot(pixel)] = abs(textureLoad(temporal, pixel, 0).w);
+        }
+    }
+    workgroupBarrier();
+    let middle = INNER + 2 * blur;
+    for (var i = local; i < middle * middle; i += INVOCATIONS) {
+        let pixel = pixel_in(inner_first - blur, i, middle);
+        if contains(pixel) {
+            widest_tile[widest_slot(pixel)] = disocclusion_widest(pixel);
+        }
+    }
+    workgroupBarrier();
+    for (var i = local; i < INNER * middle; i += INVOCATIONS) {
+        let pixel = pixel_in(inner_first - vec2i(0, blur), i, INNER);
+        if contains(pixel) {
+            rows_tile[rows_slot(pixel)] = disocclusion_rows(pixel);
+        }
+    }
+    workgroupBarrier();
+}
+
+// Stage 5 at one pixel: what is shown, and what is fed back.
+struct Blended {
+    shown: vec3f,
+    floored: vec3f,
+}
+
+fn blended_at(pixel: vec2i, accumulated: vec3f) -> Blended {
+    let smooth_estimate = textureLoad(prefiltered, pixel, 0).xyz;
+    let k = disocclusion_distrust(pixel);
+    let least = settings.disocclusion.floor;
+    let fed_back = max(least, settings.disocclusion.feedback_floor);
+    return Blended(
+        disocclusion(accumulated, smooth_estimate, k, least),
+        disocclusion(accumulated, smooth_estimate, k, fed_back),
+    );
+}

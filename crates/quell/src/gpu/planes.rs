@@ -1,0 +1,80 @@
+//! The denoiser's own textures: one for each plane of the program, two where it alternates.
+
+use super::error::Error;
+use super::program::{Program, Role, Slot};
+use super::storage::Storage;
+use crate::denoiser::MAX_EXTENT;
+use crate::plane::Size;
+use std::collections::HashMap;
+
+/// Textures of one image size. What a program lacks is added when it first runs.
+#[derive(Debug)]
+pub(super) struct Planes {
+    size: Size,
+    label: String,
+    storage: Storage,
+    copies: HashMap<Slot, Vec<wgpu::TextureView>>,
+}
+
+impl Planes {
+    /// # Errors
+    /// A size without pixels, or beyond what this crate or the device takes.
+    pub(super) fn new(device: &wgpu::Device, size: Size, label: &str, storage: Storage) -> Result<Self, Error> {
+        check_size(&device.limits(), size)?;
+        Ok(Self { size, label: label.to_owned(), storage, copies: HashMap::new() })
+    }
+
+    /// Makes what a program needs and is not there yet.
+    pub(super) fn ensure(&mut self, device: &wgpu::Device, program: &Program) {
+        for resource in &program.resources {
+            let Some(texel) = resource.texel.filter(|_| resource.role != Role::Input) else { continue };
+            let (size, label, storage) = (self.size, &self.label, self.storage);
+            self.copies.entry(resource.slot).or_insert_with(|| {
+                let count = if resource.alternates { 2 } else { 1 };
+                let make = |k: usize| {
+                    let label = format!("{label} {}{}", resource.slot.name(), ["", " (other)"][k]);
+                    let texture = device.create_texture(&wgpu::TextureDescriptor {
+                        label: Some(&label),
+                        size: extent_of(size),
+                        mip_level_count: 1,
+                        sample_count: 1,
+                        dimension: wgpu::TextureDimension::D2,
+                        format: texel.format(storage),
+                        usage: wgpu::TextureUsages::TEXTURE_BINDING
+                            | wgpu::TextureUsages::STORAGE_BINDING
+                            | wgpu::TextureUsages::COPY_SRC
+                            | wgpu::TextureUsages::COPY_DST,
+                        view_formats: &[],
+                    });
+                    let descriptor = wgpu::TextureViewDescriptor { label: Some(&label), ..Default::default() };
+                    texture.create_view(&descriptor)
+                };
+                (0..count).map(make).collect()
+            });
+        }
+    }
+
+    /// The plane that a frame of this turn writes (`before`: that the one before wrote).
+    pub(super) fn view(&self, slot: Slot, before: bool, turn: usize) -> Option<&wgpu::TextureView> {
+        let copies = self.copies.get(&slot)?;
+        copies.get((turn + usize::from(before)) % copies.len())
+    }
+}
+
+pub(super) fn extent_of(size: Size) -> wgpu::Extent3d {
+    wgpu::Extent3d { width: size.width as u32, height: size.height as u32, depth_or_array_layers: 1 }
+}
+
+/// Whether planes of this size fit a device.
+pub(super) fn check_size(limits: &wgpu::Limits, size: Size) -> Result<(), Error> {
+    if size.width == 0 || size.height == 0 {
+        return Err(crate::Error::EmptySize { size }.into());
+    }
+    if size.width > MAX_EXTENT || size.height > MAX_EXTENT {
+        return Err(crate::Error::SizeTooLarge { size, limit: MAX_EXTENT }.into());
+    }
+    if size.width.max(size.height) > limits.max_texture_dimension_2d as usize {
+        return Err(Error::Size { pass: "denoiser", size, limit: "max_texture_dimension_2d" });
+    }
+    Ok(())
+}
