@@ -38,11 +38,16 @@ pub struct Ledger {
 impl Ledger {
     /// What this frame may use.
     pub fn open(&self, frame: &Frame<'_>) -> Validity {
-        let consecutive = self.last_index.is_some_and(|i| frame.index.checked_sub(i).is_some_and(|d| d.abs() == 1));
+        self.open_keyed(frame.index, keys(frame))
+    }
+
+    /// Likewise, from the frame's index and what [`passes_key`] makes of the passes tied to each signal.
+    pub(crate) fn open_keyed(&self, index: i64, passes: [u64; 2]) -> Validity {
+        let consecutive = self.last_index.is_some_and(|i| index.checked_sub(i).is_some_and(|d| d.abs() == 1));
         if !consecutive {
             return Validity::default();
         }
-        let same = |signal: Signal| passes_key(frame, signal) == self.passes[signal as usize];
+        let same = |signal: Signal| passes[signal as usize] == self.passes[signal as usize];
         Validity {
             matte: self.left.matte && same(Signal::Matte),
             glossy: self.left.glossy && same(Signal::Glossy),
@@ -52,8 +57,12 @@ impl Ledger {
 
     /// Notes what this frame leaves behind.
     pub fn close(&mut self, frame: &Frame<'_>, plan: &Plan) {
-        self.last_index = Some(frame.index);
-        self.passes = Signal::ALL.map(|s| passes_key(frame, s));
+        self.close_keyed(frame.index, keys(frame), plan);
+    }
+
+    pub(crate) fn close_keyed(&mut self, index: i64, passes: [u64; 2], plan: &Plan) {
+        self.last_index = Some(index);
+        self.passes = passes;
         self.left = Validity {
             matte: plan.matte_feedback.is_some(),
             glossy: plan.glossy_feedback.is_some(),
@@ -67,11 +76,14 @@ impl Ledger {
     }
 }
 
-/// The passes tied to a signal, their names in order, as one number (FNV-1a): comparing it allocates nothing.
-fn passes_key(frame: &Frame<'_>, signal: Signal) -> u64 {
+fn keys(frame: &Frame<'_>) -> [u64; 2] {
+    Signal::ALL.map(|signal| passes_key(frame.passes.iter().filter(|p| p.signal == signal).map(|p| p.name)))
+}
+
+/// The names of passes in order as one number (FNV-1a): comparing it allocates nothing.
+pub(crate) fn passes_key<'a>(names: impl Iterator<Item = &'a str>) -> u64 {
     const BASIS: u64 = 0xcbf2_9ce4_8422_2325;
     const PRIME: u64 = 0x0000_0100_0000_01b3;
-    let names = frame.passes.iter().filter(|p| p.signal == signal).map(|p| p.name);
     // A byte that UTF-8 never has ends every name.
     let bytes = names.flat_map(|name| name.bytes().chain(std::iter::once(0xff)));
     bytes.fold(BASIS, |key, byte| (key ^ u64::from(byte)).wrapping_mul(PRIME))

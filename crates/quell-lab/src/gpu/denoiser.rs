@@ -55,6 +55,7 @@ impl Denoiser {
     pub fn new(gpu: Arc<Gpu>, size: Size, settings: &Settings) -> Result<Self, Error> {
         let mut options = Options::new(settings);
         options.storage = Storage::Float;
+        options.composite = true;
         let guest = quell::gpu::Denoiser::new(gpu.device(), size, &options)?;
         gpu.check(&format!("the planes of {size}"))?;
         Ok(Self { gpu, guest, size, planes: HashMap::new(), uploaded: None, output: None })
@@ -146,16 +147,13 @@ impl Denoiser {
                 direct: plane(names[2]).filter(|_| terms.direct),
             })
         };
+        let Uploaded { camera, previous_camera, index, has_roughness, has_glossy_hit, .. } = *uploaded;
+        let guides = PackedGuides { geometry, surface, moving, has_roughness, has_glossy_hit };
         let frame = quell::gpu::Frame {
-            camera: uploaded.camera,
-            previous_camera: uploaded.previous_camera,
-            index: uploaded.index,
-            guides: PackedGuides { geometry, surface, moving },
-            has_roughness: uploaded.has_roughness,
-            has_glossy_hit: uploaded.has_glossy_hit,
-            direct,
+            direct: Some(direct),
             matte: signal(0),
             glossy: signal(1),
+            ..quell::gpu::Frame::new(self.size, camera, previous_camera, index, guides)
         };
         let begin = Instant::now();
         let mut encoder = self.gpu.encoder("quell host");
@@ -166,7 +164,8 @@ impl Denoiser {
 
     fn read(&self, encoded: &quell::gpu::Output) -> Result<OutputBuf, Error> {
         let what = "reading a frame back";
-        let named = [Some(&encoded.composite), Some(&encoded.direct), encoded.matte.as_ref(), encoded.glossy.as_ref()];
+        // Direct light is always given, and the sum asked for.
+        let named = [&encoded.composite, &encoded.direct, &encoded.matte, &encoded.glossy].map(Option::as_ref);
         let state = encoded.confidence.iter().chain(&encoded.history_length);
         let textures: Vec<&wgpu::Texture> = named.into_iter().flatten().chain(state).map(|v| v.texture()).collect();
         let contents = self.gpu.read_textures(&textures, what)?;

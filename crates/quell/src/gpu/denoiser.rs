@@ -1,20 +1,23 @@
 //! The whole plan on the GPU: walks the program, in the caller's encoder.
 
+use super::debug::{DebugInputs, DebugTarget, DebugView, DebugViews};
 use super::error::Error;
-use super::frame::{Frame, Output};
+use super::frame::{Frame, Guides, Output};
 use super::guides::pack_spiral;
 use super::kernel::{Bindable, Kernel, Told, workgroups};
 use super::options::Options;
 use super::pass::Pass;
 use super::planes::{Planes, extent_of};
+use super::prepare::{Border, Prepare};
 use super::program::{Bound, Contents, Dispatch, Memory, Program, Role, Slot};
+use super::repairs::Repairs;
 use super::storage::Storage;
 use super::uniforms::{Cameras, FrameUniforms, SettingsUniforms};
 use crate::camera::Camera;
-use crate::frame::Frame as CpuFrame;
+use crate::frame::Signal;
 use crate::history::{Ledger, PlanCache, Validity};
 use crate::kernels::spiral::{Spiral, SpiralShape};
-use crate::pipeline::Plan;
+use crate::pipeline::{Image, Plan, Stage};
 use crate::plane::Size;
 use crate::settings::Settings;
 use glam::Vec2;
@@ -33,6 +36,10 @@ pub struct Denoiser {
     before: Option<Cameras>,
     /// Which copy of what alternates this frame writes: 0 or 1.
     turn: usize,
+    /// Made when guides first come as textures, or repairs are to be counted.
+    border: Option<Prepare>,
+    /// What the last frame was told, for debug views.
+    last: Option<(Size, Small)>,
 }
 
 /// Compiled passes, each once.
@@ -57,7 +64,22 @@ impl Kernels {
     }
 }
 
+/// What a plan leaves undone where nobody asked for it, or where there is nothing to do it with.
+fn wanted(plan: &Plan, contents: Contents, composite: bool) -> Plan {
+    let mut plan = plan.clone();
+    let has_light = contents.direct || contents.matte.is_some() || contents.glossy.is_some();
+    if !composite {
+        plan.steps.retain(|s| s.stage != Stage::DirectTaa);
+        plan.direct_output = Image::DirectInput;
+    }
+    if !composite || !has_light {
+        plan.steps.retain(|s| s.stage != Stage::Composite);
+    }
+    plan
+}
+
 /// Small buffers of one frame. They are its own: what several frames before one submit read must not be overwritten.
+#[derive(Debug)]
 struct Small {
     frame: wgpu::Buffer,
     settings: wgpu::Buffer,
@@ -74,7 +96,8 @@ impl Denoiser {
     pub fn new(device: &wgpu::Device, size: Size, options: &Options) -> Result<Self, Error> {
         options.settings.check()?;
         let plans = PlanCache::new(&options.settings);
-        let plan = Plan::new(&options.settings, Contents::USUAL.inputs());
+        let usual = Contents::USUAL;
+        let plan = wanted(&Plan::new(&options.settings, usual.inputs()), usual, options.composite);
         let program = Program::new(&plan, Contents::USUAL, options.storage, options.fuse);
         let mut planes = Planes::new(device, size, &options.label, options.storage)?;
         let mut kernels = Kernels::default();
@@ -91,6 +114,8 @@ impl Denoiser {
             program: (plan, Contents::USUAL, program),
             before: None,
             turn: 0,
+            border: None,
+            last: None,
         })
     }
 
@@ -120,11 +145,12 @@ impl Denoiser {
         self.planes = planes;
         self.size = size;
         self.before = None;
+        self.last = None;
         self.ledger.reset();
         Ok(())
     }
 
-    /// The extent of the frames.
+    /// The largest extent of a frame.
     pub fn size(&self) -> Size {
         self.size
     }
@@ -157,28 +183,24 @@ impl Denoiser {
         frame: &Frame<'_>,
     ) -> Result<Output, Error> {
         frame.check(self.size, self.options.storage)?;
-        let groups = workgroups(device, "denoiser", self.size)?;
-        let projection = |camera: &Camera, which| camera.projection(self.size).ok_or(crate::Error::Camera { which });
+        let size = frame.size;
+        let groups = workgroups(device, "denoiser", size)?;
+        let projection = |camera: &Camera, which| camera.projection(size).ok_or(crate::Error::Camera { which });
         let cameras = Cameras {
             view: projection(&frame.camera, "camera")?,
             previous_view: projection(&frame.previous_camera, "previous_camera")?,
             jitter: Vec2::from(frame.camera.jitter),
-            size: self.size,
-            has_glossy_hit: frame.has_glossy_hit,
-            has_roughness: frame.has_roughness,
+            size,
+            has_glossy_hit: frame.guides.has_glossy_hit(),
+            has_roughness: frame.guides.has_roughness(),
         };
-        // What the ledger looks at: the index; there are no passes.
-        let noted = CpuFrame { index: frame.index, ..CpuFrame::new(self.size, frame.camera) };
-        let valid = self.ledger.open(&noted);
+        let keys = frame.keys();
+        let valid = self.ledger.open_keyed(frame.index, keys);
         self.prepare(device, frame.contents());
+        self.check_targets(frame)?;
         self.turn = 1 - self.turn;
         let small = self.small(device, frame, &cameras, valid);
-        for (slot, _, view) in frame.guides.planes() {
-            if let Some(own) = self.planes.view(slot, false, self.turn) {
-                let (from, to) = (view.texture().as_image_copy(), own.texture().as_image_copy());
-                encoder.copy_texture_to_texture(from, to, extent_of(self.size));
-            }
-        }
+        let repairs = self.take_guides(device, encoder, frame, &small)?;
         let told = Told { frame: &small.frame, settings: &small.settings };
         for dispatch in &self.program.2.dispatches {
             let bound: Option<Vec<Bindable<'_>>> =
@@ -187,37 +209,119 @@ impl Denoiser {
                 kernel.dispatch(encoder, &kernel.group(device, told, &bound), groups, None);
             }
         }
-        self.ledger.close(&noted, &self.program.0);
+        self.fill_targets(encoder, frame);
+        self.ledger.close_keyed(frame.index, keys, &self.program.0);
         self.before = Some(cameras);
-        Ok(self.output(frame, valid))
+        self.last = Some((size, small));
+        Ok(self.output(frame, valid, repairs))
+    }
+
+    /// This frame's guides into the denoiser's own planes: copied, or made from the host's textures.
+    fn take_guides(
+        &mut self,
+        device: &wgpu::Device,
+        encoder: &mut wgpu::CommandEncoder,
+        frame: &Frame<'_>,
+        small: &Small,
+    ) -> Result<Option<Repairs>, Error> {
+        let counts = self.options.count_repairs;
+        let textures = match frame.guides {
+            Guides::Textures(textures) => Some(textures),
+            Guides::Packed(packed) => {
+                for (slot, _, view) in packed.planes() {
+                    if let Some(own) = self.planes.view(slot, false, self.turn) {
+                        let (from, to) = (view.texture().as_image_copy(), own.texture().as_image_copy());
+                        encoder.copy_texture_to_texture(from, to, extent_of(frame.size));
+                    }
+                }
+                None
+            }
+        };
+        if textures.is_none() && !counts {
+            return Ok(None);
+        }
+        let storage = self.options.storage;
+        let border = self.border.get_or_insert_with(|| Prepare::new(device, storage));
+        let own = |slot| self.planes.view(slot, false, self.turn);
+        let out = [own(Slot::Geometry), own(Slot::Surface), own(Slot::Moving)];
+        let [Some(geometry), Some(surface), Some(moving)] = out else { return Ok(None) };
+        let told = Border {
+            camera: frame.camera,
+            previous_camera: frame.previous_camera,
+            size: frame.size,
+            planes: textures,
+            colours: counts.then(|| frame.colours()),
+        };
+        border.encode(device, encoder, &small.frame, &told, [geometry, surface, moving])?;
+        Ok(Some(border.repairs().clone()))
+    }
+
+    /// A target that nothing writes is a mistake.
+    fn check_targets(&self, frame: &Frame<'_>) -> Result<(), Error> {
+        for (binding, shown, target) in self.targets(frame) {
+            let resource = shown.and_then(|index| self.program.2.resources.get(index));
+            if target.is_some() && resource.is_none_or(|r| r.role == Role::Input) {
+                let expected = "left out: no stage writes it";
+                return Err(Error::Kind { pass: "target", binding, expected });
+            }
+        }
+        Ok(())
+    }
+
+    fn targets<'a>(&self, frame: &Frame<'a>) -> [(&'static str, Option<usize>, Option<&'a wgpu::TextureView>); 3] {
+        let (shown, targets) = (self.program.2.shown, frame.targets);
+        [
+            ("composite", shown.composite, targets.composite),
+            ("matte", shown.matte, targets.matte),
+            ("glossy", shown.glossy, targets.glossy),
+        ]
+    }
+
+    /// The caller's texture in the place of an image that is shown and not remembered.
+    fn target<'a>(&self, index: usize, frame: &Frame<'a>) -> Option<&'a wgpu::TextureView> {
+        self.program.2.resources.get(index).filter(|r| r.role == Role::Output)?;
+        self.targets(frame).into_iter().find(|(_, shown, _)| *shown == Some(index))?.2
+    }
+
+    /// Copies what is shown and remembered at once.
+    fn fill_targets(&self, encoder: &mut wgpu::CommandEncoder, frame: &Frame<'_>) {
+        for (_, shown, target) in self.targets(frame) {
+            let (Some(index), Some(target)) = (shown, target) else { continue };
+            let resource = self.program.2.resources.get(index).filter(|r| r.role == Role::Persistent);
+            if let Some(own) = resource.and_then(|r| self.planes.view(r.slot, false, self.turn)) {
+                let (from, to) = (own.texture().as_image_copy(), target.texture().as_image_copy());
+                encoder.copy_texture_to_texture(from, to, extent_of(frame.size));
+            }
+        }
     }
 
     /// Program, planes and passes for a frame with these contents.
     fn prepare(&mut self, device: &wgpu::Device, contents: Contents) {
-        let Options { settings, storage, fuse, .. } = &self.options;
-        let plan = self.plans.get(settings, contents.inputs());
+        let Options { settings, storage, fuse, composite, .. } = &self.options;
+        let plan = wanted(self.plans.get(settings, contents.inputs()), contents, *composite);
         let (last_plan, last_contents, _) = &self.program;
-        if last_plan == plan && *last_contents == contents {
+        if *last_plan == plan && *last_contents == contents {
             return;
         }
-        let program = Program::new(plan, contents, *storage, *fuse);
+        let program = Program::new(&plan, contents, *storage, *fuse);
         self.planes.ensure(device, &program);
         self.kernels.ensure(device, &program);
-        self.program = (plan.clone(), contents, program);
+        self.program = (plan, contents, program);
     }
 
     fn small(&self, device: &wgpu::Device, frame: &Frame<'_>, cameras: &Cameras, valid: Validity) -> Small {
-        let (settings, rows) = (&self.options.settings, self.size.height);
+        let (settings, rows) = (&self.options.settings, frame.size.height);
         let contents = frame.contents();
         let [matte, glossy] = [contents.matte, contents.glossy];
-        let told = SettingsUniforms::new(settings, self.size)
+        let told = SettingsUniforms::new(settings, frame.size)
             .with_terms(
                 matte.is_some(),
                 glossy.is_some(),
                 matte.is_some_and(|s| s.direct),
                 glossy.is_some_and(|s| s.direct),
             )
-            .with_weights(matte.is_some_and(|s| s.weight), glossy.is_some_and(|s| s.weight));
+            .with_weights(matte.is_some_and(|s| s.weight), glossy.is_some_and(|s| s.weight))
+            .with_direct(contents.direct);
         let frame_told = FrameUniforms::from_cameras(cameras, self.before.as_ref(), valid);
         let label = |name| format!("{} {name}", self.options.label);
         let uniform = |name, bytes: &[u8]| filled(device, &label(name), bytes, wgpu::BufferUsages::UNIFORM);
@@ -241,27 +345,78 @@ impl Denoiser {
         match resource.role {
             Role::Taps => small.taps.get(&resource.slot).map(Bindable::Taps),
             Role::Input => frame.input(resource.slot).map(Bindable::Plane),
-            _ => self.planes.view(resource.slot, bound.before, self.turn).map(Bindable::Plane),
+            _ => {
+                let target = self.target(bound.resource, frame).filter(|_| !bound.before);
+                target.or(self.planes.view(resource.slot, bound.before, self.turn)).map(Bindable::Plane)
+            }
         }
     }
 
-    fn output(&self, frame: &Frame<'_>, valid: Validity) -> Output {
+    fn output(&self, frame: &Frame<'_>, valid: Validity, repairs: Option<Repairs>) -> Output {
         let program = &self.program.2;
         let view = |index: usize| {
             let resource = program.resources.get(index)?;
             let own = self.planes.view(resource.slot, false, self.turn);
-            frame.input(resource.slot).or(own).cloned()
+            frame.input(resource.slot).or(self.target(index, frame)).or(own).cloned()
         };
         let shown = program.shown;
+        let mut joint = Signal::ALL.map(|signal| program.joint[signal as usize].iter());
         Output {
-            composite: view(shown.composite).unwrap_or_else(|| frame.direct.clone()),
-            direct: view(shown.direct).unwrap_or_else(|| frame.direct.clone()),
+            composite: shown.composite.and_then(view),
+            direct: shown.direct.and_then(view),
             matte: shown.matte.and_then(view),
             glossy: shown.glossy.and_then(view),
             confidence: shown.confidence.and_then(view),
             history_length: shown.length.and_then(view),
+            joint: frame.joint.iter().filter_map(|p| view(*joint[p.signal as usize].next()?)).collect(),
+            repairs,
             had_history: valid.matte || valid.glossy,
         }
+    }
+
+    /// Draws a view of the frame that was encoded last, into the same encoder or a later one. `views` are of the
+    /// denoiser's storage. What went to targets of the caller's is shown as it was when it last lay in the denoiser.
+    ///
+    /// # Errors
+    /// No frame was encoded since `new` or `resize`; an image that it did not make; a target of another format, too small
+    /// or without its usage.
+    pub fn encode_debug(
+        &self,
+        device: &wgpu::Device,
+        encoder: &mut wgpu::CommandEncoder,
+        views: &DebugViews,
+        view: DebugView,
+        target: DebugTarget<'_>,
+    ) -> Result<(), Error> {
+        let missing = |image| Error::DebugImage { image };
+        let (size, small) = self.last.as_ref().ok_or(missing("frame"))?;
+        let (program, turn) = (&self.program.2, self.turn);
+        let plane = |slot: Slot, before| self.planes.view(slot, before, turn).ok_or(missing(slot.name()));
+        let of = |index: Option<usize>| self.planes.view(program.resources.get(index?)?.slot, false, turn);
+        let image = match view {
+            DebugView::Light(image) => {
+                plane(program.slot_of(&self.program.0, image).ok_or(missing(image.name()))?, false)?
+            }
+            _ => of(program.shown.confidence).unwrap_or(views.nothing()),
+        };
+        let inputs = DebugInputs {
+            uniforms: [&small.frame, &small.settings],
+            guides: [
+                plane(Slot::Geometry, false)?,
+                plane(Slot::Surface, false)?,
+                plane(Slot::Moving, false)?,
+                plane(Slot::Geometry, true)?,
+                plane(Slot::Surface, true)?,
+            ],
+            image,
+            length: of(program.shown.length).unwrap_or(views.nothing()),
+            taps: small.taps.get(&Slot::BilateralTaps),
+            tap_count: self.options.settings.matte_bilateral.taps,
+            eye: self.before.as_ref().map_or(glam::Vec3::ZERO, |c| c.view.eye),
+            has_confidence: program.shown.confidence.is_some(),
+            size: *size,
+        };
+        views.encode(device, encoder, &inputs, view, target)
     }
 }
 

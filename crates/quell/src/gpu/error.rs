@@ -60,6 +60,12 @@ pub enum Error {
         /// What it lacks.
         usage: &'static str,
     },
+    /// A debug view of what the last frame did not make.
+    #[error("there is no {image} to show: the last frame did not make it")]
+    DebugImage {
+        /// What was asked for.
+        image: &'static str,
+    },
     /// A setting, a size or a camera that no back end takes.
     #[error(transparent)]
     Denoiser(#[from] crate::Error),

@@ -30,7 +30,10 @@ struct Frame {
     // Sample positions relative to pixel centres: of this frame, and of the one before.
     jitter: vec2f,
     before_jitter: vec2f,
+    // Extent of this frame, of the one before, and what takes a coordinate in this frame's pixels to that one's.
     size: vec2u,
+    before_size: vec2u,
+    to_before: vec2f,
     // Which images of the frame before may be used.
     matte_history: u32,
     glossy_history: u32,
@@ -86,6 +89,16 @@ fn view_depth_of(view: View, position: vec3f) -> f32 {
 // Size of a pixel at a view depth, in world units.
 fn pixel_size_at(view: View, view_depth: f32) -> f32 {
     return select(1.0, view_depth, view.perspective != 0u) / view.focal_px;
+}
+
+// Whether the image of the frame before has this pixel.
+fn contains_before(pixel: vec2i) -> bool {
+    return all(pixel >= vec2i(0)) && all(pixel < vec2i(frame.before_size));
+}
+
+// A coordinate of the previous image in its own pixels, from one in this frame's.
+fn to_before(coordinate: vec2f) -> vec2f {
+    return coordinate * frame.to_before;
 }
 
 fn contains(pixel: vec2i) -> bool {

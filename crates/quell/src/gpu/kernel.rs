@@ -246,7 +246,12 @@ pub(super) fn check_texture(
     check_extent(pass, binding, texture, size)
 }
 
-fn check_extent(pass: &'static str, binding: &'static str, texture: &wgpu::Texture, size: Size) -> Result<(), Error> {
+pub(super) fn check_extent(
+    pass: &'static str,
+    binding: &'static str,
+    texture: &wgpu::Texture,
+    size: Size,
+) -> Result<(), Error> {
     let found = Size::new(texture.width() as usize, texture.height() as usize);
     if found.width < size.width || found.height < size.height {
         return Err(Error::TextureSize { pass, binding, needed: size, found });

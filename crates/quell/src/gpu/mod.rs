@@ -5,12 +5,18 @@
 //! data, [`Program`]: resources and dispatches in order, made without a device; the denoiser walks it, and byte counts and
 //! listings come from it.
 //!
+//! A host hands over its own textures: [`GuideTextures`] in its own [`Convention`], colours of any float format. One dispatch
+//! ([`Prepare`]) makes guides of them that every stage may trust; colours are repaired wherever they are loaded, without a
+//! copy. [`DebugViews`] shows what a frame holds, and what the usual mistakes look like.
+//!
 //! Single passes, for bisecting and tests: [`Pass`], [`Kernel`], told by [`FrameUniforms`], [`SettingsUniforms`].
 //!
 //! All are good guests: they take the caller's device and encoder, never submit, block, poll or read back, and ask for no
 //! feature and no limit beyond WebGPU's defaults.
 
+mod compute;
 mod convention;
+mod debug;
 mod denoiser;
 mod error;
 mod frame;
@@ -29,9 +35,10 @@ mod uniform;
 mod uniforms;
 
 pub use convention::{Convention, DepthKind, MotionUnit, NormalEncoding, NormalSpace, RoughnessKind};
+pub use debug::{DebugTarget, DebugView, DebugViews, debug_source};
 pub use denoiser::Denoiser;
 pub use error::Error;
-pub use frame::{Frame, Output, PackedGuides, Signal};
+pub use frame::{Frame, Guides, JointPlane, Output, PackedGuides, Signal, Targets};
 pub use guides::{GuideTexels, pack_guides, pack_spiral};
 pub use inputs::{Channel, GuideTextures, Scalar};
 pub use kernel::{Bindable, Kernel, Told};

@@ -13,14 +13,27 @@ pub struct Options {
     pub storage: Storage,
     /// Stages that can share a pass do. Off: one stage a pass, to bisect and to compare with.
     pub fuse: bool,
+    /// Direct light is anti-aliased (stage 11) where the frame has jitter, and the sum is made. Off by default: hosts have
+    /// their own; then [`super::Output::composite`] is `None`.
+    pub composite: bool,
+    /// Repairs of colours are counted ([`super::Output::repairs`]), which reads every colour once more. Those of guides
+    /// that come as textures always are.
+    pub count_repairs: bool,
     /// Begins the label of every resource and pass.
     pub label: String,
 }
 
 impl Options {
-    /// Half storage, fused.
+    /// Half storage, fused, signals only.
     pub fn new(settings: &Settings) -> Self {
-        Self { settings: settings.clone(), storage: Storage::default(), fuse: true, label: "quell".to_owned() }
+        Self {
+            settings: settings.clone(),
+            storage: Storage::default(),
+            fuse: true,
+            composite: false,
+            count_repairs: false,
+            label: "quell".to_owned(),
+        }
     }
 }
 

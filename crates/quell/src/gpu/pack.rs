@@ -17,9 +17,9 @@ const COLOUR: usize = 16;
 pub struct PackedFrame {
     /// [`super::Frame::guides`].
     pub guides: GuideTexels,
-    /// [`super::Frame::has_roughness`].
+    /// [`super::PackedGuides::has_roughness`].
     pub has_roughness: bool,
-    /// [`super::Frame::has_glossy_hit`].
+    /// [`super::PackedGuides::has_glossy_hit`].
     pub has_glossy_hit: bool,
     /// [`super::Frame::direct`].
     pub direct: Vec<u8>,

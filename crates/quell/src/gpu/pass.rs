@@ -85,6 +85,7 @@ const GLOSSY_TEMPORAL: &str = include_str!("../stages/glossy_temporal/shader.wgs
 const DISOCCLUSION: &str = include_str!("../stages/disocclusion/shader.wgsl");
 const FIREFLY: &str = include_str!("../stages/firefly/shader.wgsl");
 const ACCUMULATED: &str = include_str!("passes/accumulated.wgsl");
+const TEMPORAL_JOINT: &str = include_str!("../kernels/temporal_joint.wgsl");
 const DISTRUST: &str = include_str!("passes/distrust.wgsl");
 
 const SPARSE_BILATERAL: &[&str] = &[
@@ -119,6 +120,21 @@ const TEMPORAL_BINDINGS: &[Binding] = &[
     number("history_length"),
     written("output"),
     counted("new_length"),
+];
+
+/// A plane that is tied to a signal, beside that signal's own images.
+const TEMPORAL_JOINT_BINDINGS: &[Binding] = &[
+    GEOMETRY,
+    SURFACE,
+    MOVING,
+    GEOMETRY_BEFORE,
+    SURFACE_BEFORE,
+    colour("current"),
+    colour("history"),
+    number("history_length"),
+    colour("pass_current"),
+    colour("pass_history"),
+    written("output"),
 ];
 
 impl Pass {
@@ -290,6 +306,58 @@ impl Pass {
         pieces: &[MATH, DISOCCLUSION, FIREFLY, DISTRUST, include_str!("passes/disocclusion_firefly.wgsl")],
     };
 
+    /// Stage 3 of a plane that is tied to the matte signal: the same lookup, share of history and clamp.
+    pub const MATTE_TEMPORAL_JOINT: Self = Self {
+        name: "matte_temporal_joint",
+        stages: &[Stage::MatteTemporal],
+        entry: "accumulate_matte_joint",
+        bindings: TEMPORAL_JOINT_BINDINGS,
+        pieces: &[
+            GUIDES,
+            GUIDES_SURFACE,
+            GUIDES_MOVING,
+            GUIDES_BEFORE,
+            MATH,
+            CLIP,
+            REPROJECT,
+            TEMPORAL,
+            TEMPORAL_JOINT,
+            MATTE_TEMPORAL,
+            ACCUMULATED,
+            include_str!("passes/matte_temporal_joint.wgsl"),
+        ],
+    };
+    /// Stage 6 likewise: the same pixels.
+    pub const FIREFLY_JOINT: Self = Self {
+        name: "firefly_joint",
+        stages: &[Stage::Firefly],
+        entry: "suppress_joint",
+        bindings: &[GEOMETRY, colour("input"), colour("pass_input"), written("output")],
+        pieces: &[GUIDES, MATH, FIREFLY, include_str!("passes/firefly_joint.wgsl")],
+    };
+    /// Stage 8 of a plane that is tied to the glossy signal.
+    pub const GLOSSY_TEMPORAL_JOINT: Self = Self {
+        name: "glossy_temporal_joint",
+        stages: &[Stage::GlossyTemporal],
+        entry: "accumulate_glossy_joint",
+        bindings: TEMPORAL_JOINT_BINDINGS,
+        pieces: &[
+            GUIDES,
+            GUIDES_SURFACE,
+            GUIDES_MOVING,
+            GUIDES_BEFORE,
+            MATH,
+            CLIP,
+            REPROJECT,
+            MIRROR_IMAGE,
+            TEMPORAL,
+            TEMPORAL_JOINT,
+            GLOSSY_TEMPORAL,
+            ACCUMULATED,
+            include_str!("passes/glossy_temporal_joint.wgsl"),
+        ],
+    };
+
     /// One stage each, in the order of the pipeline.
     pub const SINGLE: [Self; 10] = [
         Self::MATTE_TEMPORAL,
@@ -306,9 +374,12 @@ impl Pass {
     /// Several stages each.
     pub const FUSED: [Self; 2] = [Self::TEMPORAL, Self::DISOCCLUSION_FIREFLY];
 
+    /// What planes that are tied to a signal need instead of the signal's own pass; their other stages are the signal's.
+    pub const JOINT: [Self; 3] = [Self::MATTE_TEMPORAL_JOINT, Self::FIREFLY_JOINT, Self::GLOSSY_TEMPORAL_JOINT];
+
     /// All passes.
     pub fn all() -> impl Iterator<Item = Self> {
-        Self::SINGLE.into_iter().chain(Self::FUSED)
+        Self::SINGLE.into_iter().chain(Self::FUSED).chain(Self::JOINT)
     }
 
     /// The pass that runs one stage alone.

@@ -32,7 +32,11 @@ impl Planes {
             self.copies.entry(resource.slot).or_insert_with(|| {
                 let count = if resource.alternates { 2 } else { 1 };
                 let make = |k: usize| {
-                    let label = format!("{label} {}{}", resource.slot.name(), ["", " (other)"][k]);
+                    let whose = match resource.slot {
+                        Slot::Joint { index, .. } => format!(" of joint plane {index}"),
+                        _ => String::new(),
+                    };
+                    let label = format!("{label} {}{whose}{}", resource.slot.name(), ["", " (other)"][k]);
                     let texture = device.create_texture(&wgpu::TextureDescriptor {
                         label: Some(&label),
                         size: extent_of(size),

@@ -6,6 +6,7 @@
 
 use super::pass::{Binding, BindingKind, Pass};
 use super::storage::{Storage, Texel};
+use crate::frame::Signal;
 use crate::pipeline::{Image, Inputs, Plan, Stage, Step};
 
 /// What a frame has of one signal.
@@ -24,20 +25,25 @@ pub struct Contents {
     pub matte: Option<SignalContents>,
     /// The glossy signal.
     pub glossy: Option<SignalContents>,
+    /// Direct light.
+    pub direct: bool,
     /// Its samples are jittered.
     pub jitter: bool,
+    /// Planes that are tied to the matte and to the glossy signal.
+    pub joint: [u16; 2],
 }
 
 impl Contents {
     /// A frame with both signals and their weights, jittered, without noisy direct light.
     pub const USUAL: Self = {
         let signal = Some(SignalContents { weight: true, direct: false });
-        Self { matte: signal, glossy: signal, jitter: true }
+        Self { matte: signal, glossy: signal, direct: true, jitter: true, joint: [0; 2] }
     };
 
     /// What the plan depends on.
     pub const fn inputs(self) -> Inputs {
-        Inputs { matte: self.matte.is_some(), glossy: self.glossy.is_some(), jitter: self.jitter }
+        let jitter = self.jitter && self.direct;
+        Inputs { matte: self.matte.is_some(), glossy: self.glossy.is_some(), jitter }
     }
 }
 
@@ -48,6 +54,12 @@ pub enum Slot {
     /// An image of the pipeline. What is remembered lies in `MatteHistory`, `GlossyHistory`, `DirectHistory`, whichever
     /// stage writes it.
     Image(Image),
+    /// What a plane that is tied to a signal has in an image's place; counted from 0 for each signal.
+    Joint {
+        signal: Signal,
+        index: u16,
+        image: Image,
+    },
     Geometry,
     Surface,
     Moving,
@@ -65,7 +77,7 @@ impl Slot {
     /// For listings and labels.
     pub const fn name(self) -> &'static str {
         match self {
-            Self::Image(image) => image.name(),
+            Self::Image(image) | Self::Joint { image, .. } => image.name(),
             Self::Geometry => "guides geometry",
             Self::Surface => "guides surface",
             Self::Moving => "guides moving",
@@ -88,6 +100,7 @@ impl Slot {
                 | Self::MatteLength
                 | Self::GlossyLength
                 | Self::Image(Image::MatteHistory | Image::GlossyHistory | Image::DirectHistory)
+                | Self::Joint { image: Image::MatteHistory | Image::GlossyHistory, .. }
         )
     }
 
@@ -95,6 +108,7 @@ impl Slot {
         matches!(
             self,
             Self::Image(Image::MatteInput | Image::GlossyInput | Image::DirectInput)
+                | Self::Joint { image: Image::MatteInput | Image::GlossyInput, .. }
                 | Self::MatteWeight
                 | Self::GlossyWeight
                 | Self::DirectMatte
@@ -156,10 +170,10 @@ pub struct Dispatch {
 /// Which resources the host is shown.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Shown {
-    /// The sum.
-    pub composite: usize,
-    /// Direct light.
-    pub direct: usize,
+    /// The sum; `None`: nobody asked for it, or there is nothing to add.
+    pub composite: Option<usize>,
+    /// Direct light, where there is any.
+    pub direct: Option<usize>,
     /// The matte signal.
     pub matte: Option<usize>,
     /// The glossy signal.
@@ -191,6 +205,8 @@ pub struct Program {
     pub dispatches: Vec<Dispatch>,
     /// What comes out.
     pub shown: Shown,
+    /// Likewise of the planes that are tied to the matte and to the glossy signal, in their order.
+    pub joint: [Vec<usize>; 2],
 }
 
 impl Program {
@@ -241,6 +257,13 @@ impl Program {
         memory
     }
 
+    /// Where an image of the plan lies that this program makes; inputs are the host's.
+    pub(super) fn slot_of(&self, plan: &Plan, image: Image) -> Option<Slot> {
+        let builder = Builder { plan, contents: Contents::USUAL, resources: Vec::new() };
+        let slot = builder.place(image).0;
+        self.resources.iter().find(|r| r.slot == slot && r.role != Role::Input).map(|r| r.slot)
+    }
+
     /// The bindings of a dispatch with what is bound, in order.
     pub fn bindings<'a>(&'a self, dispatch: &'a Dispatch) -> impl Iterator<Item = (&'a Binding, &'a Resource, bool)> {
         let bound = dispatch.bound.iter().filter_map(|b| Some((self.resources.get(b.resource)?, b.before)));
@@ -267,7 +290,8 @@ impl Builder<'_> {
         let both_temporal = step(Stage::MatteTemporal).zip(step(Stage::GlossyTemporal)).filter(|_| fuse);
         let blend_and_median = step(Stage::Disocclusion)
             .zip(step(Stage::Firefly))
-            .filter(|(blend, median)| fuse && median.input == blend.output);
+            // What shares stage 6's choice has to see what stage 6 saw.
+            .filter(|(blend, median)| fuse && median.input == blend.output && self.contents.joint[0] == 0);
         let mut dispatches = Vec::new();
         for step in &plan.steps {
             let (pass, places) = match (step.stage, both_temporal, blend_and_median) {
@@ -281,16 +305,57 @@ impl Builder<'_> {
                     (Pass::DISOCCLUSION_FIREFLY, places)
                 }
                 // Done by the pass of stage 3, or 5.
-                (Stage::GlossyTemporal, Some(_), _) | (Stage::Firefly, _, Some(_)) => continue,
+                (Stage::GlossyTemporal, Some(_), _) | (Stage::Firefly, _, Some(_)) => {
+                    dispatches.extend(self.joint(step));
+                    continue;
+                }
                 _ => (Pass::of(step.stage), self.single(step)),
             };
-            let bound = places.into_iter().zip(pass.bindings).map(|(place, b)| self.bind(place, b)).collect();
-            let host_input = self.filters_host_image(step);
-            dispatches.push(Dispatch { pass, host_input, bound });
+            dispatches.push(self.dispatch(step, pass, places));
+            dispatches.extend(self.joint(step));
         }
         let shown = self.shown();
-        self.set_roles(&shown);
-        Program { storage, resources: self.resources, dispatches, shown }
+        let joint = self.shown_joint();
+        self.set_roles(&shown, &joint);
+        Program { storage, resources: self.resources, dispatches, shown, joint }
+    }
+
+    fn dispatch(&mut self, step: &Step, pass: Pass, places: Vec<Place>) -> Dispatch {
+        let bound = places.into_iter().zip(pass.bindings).map(|(place, b)| self.bind(place, b)).collect();
+        Dispatch { pass, host_input: self.filters_host_image(step), bound }
+    }
+
+    /// The dispatches of a step for the planes that are tied to its signal: after the signal's own.
+    fn joint(&mut self, step: &Step) -> Vec<Dispatch> {
+        let signal = match step.stage {
+            Stage::GlossyTemporal | Stage::GlossyHorizontal | Stage::GlossyVertical => Signal::Glossy,
+            Stage::DirectTaa | Stage::Composite => return Vec::new(),
+            _ => Signal::Matte,
+        };
+        let count = self.contents.joint[signal as usize];
+        (0..count)
+            .map(|index| {
+                let own = |place: Place| match place {
+                    (Slot::Image(image), before) => (Slot::Joint { signal, index, image }, before),
+                    shared => shared,
+                };
+                let (input, output) = (self.place(step.input), self.place(step.output));
+                let (pass, places) = match step.stage {
+                    Stage::MatteTemporal | Stage::GlossyTemporal => {
+                        let [current, history, length, ..] = self.accumulating(step);
+                        let planes = [current, history, length, own(current), own(history), own(output)];
+                        let pass = match signal {
+                            Signal::Matte => Pass::MATTE_TEMPORAL_JOINT,
+                            Signal::Glossy => Pass::GLOSSY_TEMPORAL_JOINT,
+                        };
+                        (pass, GUIDES.into_iter().chain(GUIDES_BEFORE).chain(planes).collect())
+                    }
+                    Stage::Firefly => (Pass::FIREFLY_JOINT, vec![GUIDES[0], input, own(input), own(output)]),
+                    _ => (Pass::of(step.stage), self.single(step).into_iter().map(own).collect()),
+                };
+                self.dispatch(step, pass, places)
+            })
+            .collect()
     }
 
     /// Where an image of the plan lies.
@@ -352,14 +417,19 @@ impl Builder<'_> {
             }
             Stage::Composite => {
                 let (plan, contents) = (self.plan, self.contents);
-                // What the frame lacks is not read: anything will do.
-                let or_any = |there: bool, place: Place| if there { place } else { input };
+                // What the frame lacks is not read: any colour will do.
+                let any = match (contents.direct, contents.matte) {
+                    (true, _) => input,
+                    (false, Some(_)) => self.place(plan.matte_output),
+                    (false, None) => self.place(plan.glossy_output),
+                };
+                let or_any = |there: bool, place: Place| if there { place } else { any };
                 let of = |signal: Option<SignalContents>| {
                     (signal.is_some(), signal.is_some_and(|s| s.direct), signal.is_some_and(|s| s.weight))
                 };
                 let (matte, glossy) = (of(contents.matte), of(contents.glossy));
                 vec![
-                    input,
+                    or_any(contents.direct, input),
                     or_any(matte.0, self.place(plan.matte_output)),
                     or_any(glossy.0, self.place(plan.glossy_output)),
                     or_any(matte.1, (Slot::DirectMatte, false)),
@@ -408,8 +478,8 @@ impl Builder<'_> {
             let slot = self.place(image).0;
             self.index(slot, Some(Texel::Colour))
         };
-        let composite = image(Image::Composite);
-        let direct = image(plan.direct_output);
+        let composite = plan.runs(Stage::Composite).then(|| image(Image::Composite));
+        let direct = contents.direct.then(|| image(plan.direct_output));
         let matte = contents.matte.map(|_| image(plan.matte_output));
         let glossy = contents.glossy.map(|_| image(plan.glossy_output));
         let temporal = [Stage::MatteTemporal, Stage::GlossyTemporal]
@@ -420,9 +490,24 @@ impl Builder<'_> {
         Shown { composite, direct, matte, glossy, confidence, length }
     }
 
-    fn set_roles(&mut self, shown: &Shown) {
-        let indices = [Some(shown.composite), Some(shown.direct), shown.matte, shown.glossy, shown.confidence];
-        for index in indices.into_iter().flatten() {
+    fn shown_joint(&mut self) -> [Vec<usize>; 2] {
+        Signal::ALL.map(|signal| {
+            let image = match signal {
+                Signal::Matte => self.plan.matte_output,
+                Signal::Glossy => self.plan.glossy_output,
+            };
+            let image = match self.place(image).0 {
+                Slot::Image(image) => image,
+                _ => image,
+            };
+            let count = self.contents.joint[signal as usize];
+            (0..count).map(|index| self.index(Slot::Joint { signal, index, image }, Some(Texel::Colour))).collect()
+        })
+    }
+
+    fn set_roles(&mut self, shown: &Shown, joint: &[Vec<usize>; 2]) {
+        let indices = [shown.composite, shown.direct, shown.matte, shown.glossy, shown.confidence];
+        for index in indices.into_iter().flatten().chain(joint.iter().flatten().copied()) {
             if let Some(resource) = self.resources.get_mut(index).filter(|r| r.role == Role::Transient) {
                 resource.role = Role::Output;
             }

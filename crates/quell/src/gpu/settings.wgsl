@@ -92,7 +92,8 @@ struct DirectTaaSettings {
 
 // Which terms the composite adds, and which weights are there.
 struct CompositeSettings {
-    @align(16) matte: u32,
+    @align(16) direct: u32,
+    matte: u32,
     glossy: u32,
     direct_matte: u32,
     direct_glossy: u32,

@@ -1,6 +1,6 @@
 //! Structs as WGSL lays them out in memory. Each is declared once here and once in WGSL; a test compares the two.
 
-use glam::{UVec2, Vec2, Vec3, Vec4};
+use glam::{IVec2, UVec2, Vec2, Vec3, Vec4};
 
 /// A member of a struct as the shader finds it.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -49,6 +49,7 @@ scalars! {
     i32: 4, 4, |v| [*v];
     Vec2: 8, 8, |v| v.to_array();
     UVec2: 8, 8, |v| v.to_array();
+    IVec2: 8, 8, |v| v.to_array();
     Vec3: 16, 12, |v| v.to_array();
     Vec4: 16, 16, |v| v.to_array();
 }

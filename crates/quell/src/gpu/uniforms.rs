@@ -35,6 +35,8 @@ uniforms! {
         jitter: Vec2,
         before_jitter: Vec2,
         size: UVec2,
+        before_size: UVec2,
+        to_before: Vec2,
         matte_history: u32,
         glossy_history: u32,
         direct_history: u32,
@@ -117,6 +119,7 @@ uniforms! {
     }
 
     Composite as "CompositeSettings" {
+        direct: u32,
         matte: u32,
         glossy: u32,
         direct_matte: u32,
@@ -161,6 +164,7 @@ pub fn layouts() -> Vec<Uniform> {
         Composite::layout(),
         SettingsUniforms::layout(),
         super::convention::PrepareUniforms::layout(),
+        super::debug::DebugUniforms::layout(),
     ]
 }
 
@@ -215,13 +219,16 @@ impl FrameUniforms {
     pub(super) fn from_cameras(now: &Cameras, before: Option<&Cameras>, valid: Validity) -> Self {
         let eye = now.view.eye;
         let before_or_now = before.unwrap_or(now);
+        let extent = |size: Size| UVec2::new(size.width as u32, size.height as u32);
         Self {
             view: View::new(&now.view, eye),
             previous_view: View::new(&now.previous_view, eye),
             before_view: View::new(&before_or_now.view, eye),
             jitter: now.jitter,
             before_jitter: before_or_now.jitter,
-            size: UVec2::new(now.size.width as u32, now.size.height as u32),
+            size: extent(now.size),
+            before_size: extent(before_or_now.size),
+            to_before: extent(before_or_now.size).as_vec2() / extent(now.size).as_vec2(),
             matte_history: u32::from(before.is_some() && valid.matte),
             glossy_history: u32::from(before.is_some() && valid.glossy),
             direct_history: u32::from(before.is_some() && valid.direct),
@@ -310,6 +317,7 @@ impl SettingsUniforms {
                 clamp_falloff: s.direct_taa.clamp_falloff,
             },
             composite: Composite {
+                direct: 1,
                 matte: 1,
                 glossy: 1,
                 direct_matte: 0,
@@ -325,6 +333,12 @@ impl SettingsUniforms {
     pub fn with_terms(self, matte: bool, glossy: bool, direct_matte: bool, direct_glossy: bool) -> Self {
         let [matte, glossy, direct_matte, direct_glossy] = [matte, glossy, direct_matte, direct_glossy].map(u32::from);
         Self { composite: Composite { matte, glossy, direct_matte, direct_glossy, ..self.composite }, ..self }
+    }
+
+    /// Whether there is direct light.
+    #[must_use]
+    pub fn with_direct(self, direct: bool) -> Self {
+        Self { composite: Composite { direct: u32::from(direct), ..self.composite }, ..self }
     }
 
     /// Whether the matte and the glossy terms have weights; without, they count as they are.

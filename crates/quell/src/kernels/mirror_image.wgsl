@@ -28,11 +28,11 @@ fn reflector_lookup(expected: Expected, coordinate: vec2f, pixel: vec2i) -> Look
     }
     let own = surface_of(pixel);
     let rejection = select(REJECTION_PLANE, REJECTION_OFF, settings.surface.rejection == REJECTION_OFF);
-    let footprint = footprint_of(coordinate);
+    let footprint = footprint_of(to_before(coordinate));
     var trusts = array(0.0, 0.0, 0.0, 0.0);
     for (var k = 0; k < 4; k++) {
         let q = footprint_pixel(footprint, k);
-        if !contains(q) {
+        if !contains_before(q) {
             continue;
         }
         let there = before_at(q);
@@ -145,9 +145,10 @@ fn bent_coordinate(expected: Expected, visible: Lookup, hit_distance: f32, pixel
     if first < 0 || is_plane {
         return Place(vec2f(0.0), false);
     }
-    let surface = expected.coordinate;
+    // In pixels of the frame before, as its miss is.
+    let surface = to_before(expected.coordinate);
     if !all_seen {
-        return Place(surface, true);
+        return Place(expected.coordinate, true);
     }
     let eye_ray = normalize_or_zero(ray_direction(frame.view, sample_position(pixel)));
     let reflected = mirrored_in(eye_ray, surface_of(pixel).normal);
@@ -167,12 +168,12 @@ fn bent_coordinate(expected: Expected, visible: Lookup, hit_distance: f32, pixel
     let q = dot(dv, middle);
     let determinant = a * c - b * b;
     if !(determinant > LEAST_BENT_DETERMINANT * a * c) {
-        return Place(surface, true);
+        return Place(expected.coordinate, true);
     }
     let newton = vec2f(b * q - c * p, b * p - a * q) / determinant;
     let place = floor(surface - 0.5) + 1.0 + newton;
     let good = length(place - surface) <= settings.mirror.farthest_bent_px;
-    return Place(select(surface, place, good), true);
+    return Place(select(expected.coordinate, place / frame.to_before, good), true);
 }
 
 // The glossy hit distance of a pixel after the 3x3 filter over the same reflector.

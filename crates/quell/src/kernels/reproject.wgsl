@@ -4,7 +4,7 @@
 
 // The surface that history must show: where it was, as far as motion tells.
 struct Expected {
-    // Its place in the previous image, continuous pixel coordinate.
+    // Its place in the previous image, continuous coordinate in pixels of this frame.
     coordinate: vec2f,
     // A point of it, at the previous frame's time.
     position: vec3f,
@@ -87,13 +87,13 @@ fn expected_surface(pixel: vec2i) -> Expected {
         return expected;
     }
     // Motion tells the pixel but not the depth: the nearest previous pixel of the same object anchors the plane.
-    let footprint = footprint_of(expected.coordinate);
+    let footprint = footprint_of(to_before(expected.coordinate));
     var weights = footprint.weight;
     var best = -1.0;
     var nearest = vec2i(0);
     for (var k = 0; k < 4; k++) {
         let q = footprint_pixel(footprint, k);
-        if contains(q) {
+        if contains_before(q) {
             let there = before_at(q);
             if there.depth != BACKGROUND && there.id == own.id && weights[k] >= best {
                 best = weights[k];
@@ -162,11 +162,11 @@ fn lookup_of(footprint: Footprint, trusts: array<f32, 4>) -> Lookup {
 // Steps 4 and 6: the bilinear footprint at the expected place, each of its four pixels tested singly.
 fn surface_lookup(expected: Expected, pixel: vec2i) -> Lookup {
     let id = surface_of(pixel).id;
-    let footprint = footprint_of(expected.coordinate);
+    let footprint = footprint_of(to_before(expected.coordinate));
     var trusts = array(0.0, 0.0, 0.0, 0.0);
     for (var k = 0; k < 4; k++) {
         let q = footprint_pixel(footprint, k);
-        if !contains(q) {
+        if !contains_before(q) {
             continue;
         }
         let there = before_at(q);

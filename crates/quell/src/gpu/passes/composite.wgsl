@@ -12,7 +12,7 @@ fn composite(@builtin(global_invocation_id) id: vec3u) {
     let terms = settings.composite;
     let on_matte = select(vec3f(1.0), input_at(matte_weight, pixel), terms.matte_weight != 0u);
     let on_glossy = select(vec3f(1.0), input_at(glossy_weight, pixel), terms.glossy_weight != 0u);
-    var sum = input_at(direct, pixel);
+    var sum = select(vec3f(0.0), input_at(direct, pixel), terms.direct != 0u);
     sum = composite_term(sum, input_at(matte, pixel), on_matte, terms.matte);
     sum = composite_term(sum, input_at(glossy, pixel), on_glossy, terms.glossy);
     sum = composite_term(sum, input_at(direct_matte, pixel), on_matte, terms.direct_matte);

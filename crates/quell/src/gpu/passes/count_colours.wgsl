@@ -1,7 +1,4 @@
 // Counts what stages repair as they load the host's colours. A colour that is not there is bound to a black texel.
-fn count_colour(plane: u32, texel: vec4f) {
-    _ = clean_colour(plane, texel.xyz);
-}
 
 @compute @workgroup_size(8, 8)
 fn count_colours(@builtin(global_invocation_id) id: vec3u, @builtin(local_invocation_index) local: u32) {

@@ -79,11 +79,6 @@ fn flush_counts(local: u32) {
     }
 }
 
-// By the bits: WGSL lets a compiler assume that there are no infinities and no NaN.
-fn is_finite(v: f32) -> bool {
-    return (bitcast<u32>(v) & 0x7f800000u) != 0x7f800000u;
-}
-
 fn is_nan(v: f32) -> bool {
     return (bitcast<u32>(v) & 0x7fffffffu) > 0x7f800000u;
 }
@@ -92,25 +87,20 @@ fn is_infinite(v: f32) -> bool {
     return !is_finite(v) && !is_nan(v);
 }
 
-// Colours beyond it would overflow where stages square and add them up.
-const COLOUR_LIMIT: f32 = 1e15;
-
-fn clean_colour(plane: u32, colour: vec3f) -> vec3f {
-    var out = colour;
-    if !(is_finite(out.x) && is_finite(out.y) && is_finite(out.z)) {
+// Counts what `input_colour` changes.
+fn count_colour(plane: u32, texel: vec4f) {
+    let given = texel.xyz;
+    if !(is_finite(given.x) && is_finite(given.y) && is_finite(given.z)) {
         note(plane, NOT_FINITE);
-        for (var c = 0; c < 3; c++) {
-            if !is_finite(out[c]) {
-                out[c] = 0.0;
-            }
-        }
     }
-    if any(abs(out) > vec3f(COLOUR_LIMIT)) {
+    var large = false;
+    for (var c = 0; c < 3; c++) {
+        large = large || (is_finite(given[c]) && abs(given[c]) > COLOUR_LIMIT);
+    }
+    if large {
         note(plane, OUT_OF_RANGE);
-        out = clamp(out, vec3f(-COLOUR_LIMIT), vec3f(COLOUR_LIMIT));
     }
-    if any(out < vec3f(0.0)) {
+    if any(input_colour(texel) < vec3f(0.0)) {
         note(plane, NEGATIVE);
     }
-    return out;
 }

@@ -6,6 +6,11 @@ fn has(plane: u32) -> bool {
     return (prepare.there & plane) != 0u;
 }
 
+// Where a pixel was sampled.
+fn sample_position(pixel: vec2i) -> vec2f {
+    return vec2f(pixel) + 0.5 + frame.jitter;
+}
+
 // `DepthKind`
 const DEPTH_DEVICE: u32 = 1u;
 const DEPTH_DISTANCE: u32 = 2u;
@@ -49,7 +54,7 @@ fn raw_depth(pixel: vec2i) -> f32 {
     if has(HAS_DEPTH_FORMAT) {
         return textureLoad(depth_texture, pixel, 0);
     }
-    return textureLoad(view_depth, pixel, 0).x;
+    return textureLoad(view_depth_texture, pixel, 0).x;
 }
 
 fn prepared_depth(pixel: vec2i) -> f32 {
@@ -76,17 +81,17 @@ fn prepared_depth(pixel: vec2i) -> f32 {
     return select(BACKGROUND, depth, depth < FAR);
 }
 
-fn octahedral(e: vec2f) -> vec3f {
+fn unfolded(e: vec2f) -> vec3f {
     let z = 1.0 - abs(e.x) - abs(e.y);
-    let folded = (1.0 - abs(e.yx)) * select(vec2f(-1.0), vec2f(1.0), e >= vec2f(0.0));
-    return vec3f(select(folded, e, z >= 0.0), z);
+    let flap = (1.0 - abs(e.yx)) * select(vec2f(-1.0), vec2f(1.0), e >= vec2f(0.0));
+    return vec3f(select(flap, e, z >= 0.0), z);
 }
 
 fn prepared_normal(pixel: vec2i) -> vec3f {
     if !has(HAS_NORMAL) {
         return -frame.view.forward;
     }
-    let texel = textureLoad(normal, pixel, 0).xyz;
+    let texel = textureLoad(normal_texture, pixel, 0).xyz;
     let is_octahedral = prepare.normal >= NORMAL_OCTAHEDRAL;
     if !(is_finite(texel.x) && is_finite(texel.y) && (is_octahedral || is_finite(texel.z))) {
         note(PLANE_NORMAL, NOT_FINITE);
@@ -99,9 +104,9 @@ fn prepared_normal(pixel: vec2i) -> vec3f {
     if prepare.normal == NORMAL_UNORM_XYZ {
         decoded = 2.0 * texel - 1.0;
     } else if prepare.normal == NORMAL_OCTAHEDRAL {
-        decoded = normalize(octahedral(texel.xy));
+        decoded = normalize(unfolded(texel.xy));
     } else if prepare.normal == NORMAL_UNORM_OCTAHEDRAL {
-        decoded = normalize(octahedral(2.0 * texel.xy - 1.0));
+        decoded = normalize(unfolded(2.0 * texel.xy - 1.0));
     }
     let squared = dot(decoded, decoded);
     if squared == 0.0 {
@@ -143,7 +148,7 @@ fn prepared_motion(pixel: vec2i, depth: f32) -> vec2f {
     if !has(HAS_MOTION) {
         moved = camera_motion(pixel, depth);
     } else {
-        let texel = textureLoad(motion, pixel, 0).xy;
+        let texel = textureLoad(motion_texture, pixel, 0).xy;
         if is_finite(texel.x) && is_finite(texel.y) {
             moved = texel * prepare.motion_scale + prepare.motion_shift;
         } else if is_infinite(texel.x) || is_infinite(texel.y) {
@@ -158,7 +163,7 @@ fn prepared_roughness(pixel: vec2i) -> f32 {
     if !has(HAS_ROUGHNESS) {
         return 1.0;
     }
-    let given = clean_unit_range(PLANE_ROUGHNESS, textureLoad(roughness, pixel, 0)[prepare.roughness_channel], 1.0);
+    let given = clean_unit_range(PLANE_ROUGHNESS, textureLoad(roughness_texture, pixel, 0)[prepare.roughness_channel], 1.0);
     return select(given, sqrt(given), prepare.roughness_is_alpha != 0u);
 }
 
@@ -166,7 +171,7 @@ fn prepared_glossy_hit(pixel: vec2i) -> f32 {
     if !has(HAS_GLOSSY_HIT_DISTANCE) {
         return 0.0;
     }
-    let hit = textureLoad(glossy_hit_distance, pixel, 0)[prepare.glossy_hit_channel];
+    let hit = textureLoad(glossy_hit_texture, pixel, 0)[prepare.glossy_hit_channel];
     if is_nan(hit) {
         note(PLANE_GLOSSY_HIT, NOT_FINITE);
         return 0.0;
@@ -182,7 +187,7 @@ fn prepared_confidence(pixel: vec2i) -> f32 {
     if !has(HAS_CONFIDENCE_IN) {
         return 1.0;
     }
-    return clean_unit_range(PLANE_CONFIDENCE_IN, textureLoad(confidence_in, pixel, 0)[prepare.confidence_channel], 0.0);
+    return clean_unit_range(PLANE_CONFIDENCE_IN, textureLoad(confidence_texture, pixel, 0)[prepare.confidence_channel], 0.0);
 }
 
 // The guides of a pixel.
@@ -198,7 +203,7 @@ fn prepared_guide(pixel: vec2i) -> Guide {
     guide.roughness = prepared_roughness(pixel);
     guide.glossy_hit = prepared_glossy_hit(pixel);
     if has(HAS_SURFACE_ID) {
-        guide.id = textureLoad(surface_id, pixel, 0).x;
+        guide.id = textureLoad(id_texture, pixel, 0).x;
     }
     guide.confidence_in = prepared_confidence(pixel);
     return guide;
@@ -211,8 +216,4 @@ fn prepare_guides(@builtin(global_invocation_id) id: vec3u, @builtin(local_invoc
         store_guide(pixel, prepared_guide(pixel));
     }
     flush_counts(local);
-}
-
-fn store_guide(pixel: vec2i, guide: Guide) {
-    guides[index_of(pixel)] = guide;
 }

@@ -4,10 +4,10 @@
 
 // Bilinear fetch, clamped to the edge.
 fn direct_taa_fetch(coordinate: vec2f) -> vec3f {
-    let corner = coordinate - 0.5;
+    let corner = to_before(coordinate) - 0.5;
     let base = floor(corner);
     let t = corner - base;
-    let last = vec2i(frame.size) - 1;
+    let last = vec2i(frame.before_size) - 1;
     let first = clamp(vec2i(base), vec2i(0), last);
     let second = clamp(vec2i(base) + 1, vec2i(0), last);
     let a = direct_history_at(first);

@@ -31,11 +31,11 @@ fn firefly_pick(neighbours: array<vec2i, 9>, values: array<f32, 9>, own: vec2i, 
     return select(own, pixels[k], settings.firefly.plain != 0u || is_firefly);
 }
 
-// Stage 6 at one pixel.
-fn firefly(pixel: vec2i) -> vec3f {
+// The pixel that stage 6 takes for each channel.
+fn firefly_choice(pixel: vec2i) -> array<vec2i, 3> {
     let centre = firefly_input(pixel);
     if !firefly_is_surface(pixel) {
-        return centre;
+        return array(pixel, pixel, pixel);
     }
     var neighbours: array<vec2i, 9>;
     var colours: array<vec3f, 9>;
@@ -53,14 +53,25 @@ fn firefly(pixel: vec2i) -> vec3f {
         for (var k = 0; k < 9; k++) {
             values[k] = luminance(colours[k]);
         }
-        return firefly_input(firefly_pick(neighbours, values, pixel, luminance(centre)));
+        let picked = firefly_pick(neighbours, values, pixel, luminance(centre));
+        return array(picked, picked, picked);
     }
-    var chosen: vec3f;
+    var picked: array<vec2i, 3>;
     for (var c = 0; c < 3; c++) {
         for (var k = 0; k < 9; k++) {
             values[k] = colours[k][c];
         }
-        chosen[c] = firefly_input(firefly_pick(neighbours, values, pixel, centre[c]))[c];
+        picked[c] = firefly_pick(neighbours, values, pixel, centre[c]);
     }
-    return chosen;
+    return picked;
+}
+
+// Stage 6 at one pixel.
+fn firefly(pixel: vec2i) -> vec3f {
+    var chosen = firefly_choice(pixel);
+    var colour: vec3f;
+    for (var c = 0; c < 3; c++) {
+        colour[c] = firefly_input(chosen[c])[c];
+    }
+    return colour;
 }

@@ -3,7 +3,9 @@
 //! Without an adapter the tests that need one print why they did nothing; with `QUELL_REQUIRE_GPU=1` they fail.
 
 mod agreement;
+mod debug;
 mod device;
+mod hosts;
 mod inputs;
 mod kernel;
 mod prepare;

@@ -1,14 +1,14 @@
 //! Hosts' textures against the border on the CPU: every convention gives the same guides, every repair the same counts.
 
 use super::device::{Gpu, gpu};
-use super::textures::{depth_texture, half, texture};
+use super::textures::{depth_texture, half, read_counts, texture};
 use crate::suite::frames::{Noise, box_before_wall, guides, hash, jittered, mirror, moving};
 use glam::{Vec2, Vec3};
 use quell::border::{PlaneName, Repair, Sanitised};
-use quell::gpu::wgpu::{BufferUsages, CommandEncoderDescriptor, TextureFormat as F, TextureView};
+use quell::gpu::wgpu::{BufferUsages, CommandEncoderDescriptor, TextureFormat as F, TextureUsages, TextureView};
 use quell::gpu::{
     Border, Channel, Convention, DepthKind, Error, FrameUniforms, GuideTextures, MotionUnit, NormalEncoding,
-    NormalSpace, Prepare, Repairs, RoughnessKind, Scalar, Storage, pack_guides, prepare_source,
+    NormalSpace, Prepare, RoughnessKind, Scalar, Storage, Texel, pack_guides, prepare_source,
 };
 use quell::{Backend, Camera, Denoiser, FrameBuf, Plane, Settings, Size};
 
@@ -37,16 +37,19 @@ const BYTES: Bound = Bound { normal: 7e-3, depth: 1e-5, motion: 2e-4, share: 2e-
 /// Ten bits a channel.
 const TEN: Bound = Bound { normal: 2e-3, ..BYTES };
 
-fn unpack(floats: &[f32]) -> Packed {
-    floats.chunks_exact(12).map(|g| [g[0], g[1], g[2], g[3], g[4], g[5], g[6], g[7], g[8], g[9]]).collect()
+/// From what planes of 32-bit floats hold: geometry, surface, moving.
+fn unpack(planes: &[Vec<f32>]) -> Packed {
+    let pixel = |i: usize| {
+        let (g, s, m) = (&planes[0][4 * i..], &planes[1][2 * i..], &planes[2][4 * i..]);
+        [g[0], g[1], g[2], g[3], m[0], m[1], s[1], m[2], s[0], m[3]]
+    };
+    (0..planes[0].len() / 4).map(pixel).collect()
 }
 
 fn expected(frame: &FrameBuf) -> Packed {
     let texels = pack_guides(&guides(frame), Storage::Float);
-    let floats = |bytes: &[u8]| bytes.as_chunks::<4>().0.iter().map(|b| f32::from_le_bytes(*b)).collect::<Vec<f32>>();
-    let (geometry, surface, moving) = (floats(&texels.geometry), floats(&texels.surface), floats(&texels.moving));
-    let texels = geometry.chunks_exact(4).zip(surface.chunks_exact(2)).zip(moving.chunks_exact(4));
-    texels.map(|((g, s), m)| [g[0], g[1], g[2], g[3], m[0], m[1], s[1], m[2], s[0], m[3]]).collect()
+    let floats = |bytes: &Vec<u8>| bytes.as_chunks::<4>().0.iter().map(|b| f32::from_le_bytes(*b)).collect();
+    unpack(&[&texels.geometry, &texels.surface, &texels.moving].map(floats))
 }
 
 /// Where the two differ; ids by their bits.
@@ -96,14 +99,20 @@ fn run(gpu: &Gpu, prepare: &Prepare, border: &Border<'_>) -> (Packed, Sanitised)
     // `Guides` know the cameras only; their planes do not matter here.
     let blank = FrameBuf { previous_camera: border.previous_camera, ..FrameBuf::new(border.size, border.camera) };
     let frame = gpu.buffer("frame", &FrameUniforms::new(&guides(&blank), None).bytes(), BufferUsages::UNIFORM);
-    let storage = BufferUsages::STORAGE | BufferUsages::COPY_SRC;
-    let out = gpu.buffer("guides", &vec![0xff; 48 * border.size.pixels()], storage);
+    let out = out_planes(gpu, border.size);
     let mut encoder = gpu.device.create_command_encoder(&CommandEncoderDescriptor { label: Some("test") });
-    prepare.encode(&gpu.device, &mut encoder, &frame, border, &out).unwrap();
+    prepare.encode(&gpu.device, &mut encoder, &frame, border, out.each_ref()).unwrap();
     gpu.queue.submit([encoder.finish()]);
-    let read = gpu.read_buffers(&[&out, prepare.repairs().buffer()]);
-    let counts: Vec<u8> = read[1].iter().flat_map(|f| f.to_le_bytes()).collect();
-    (unpack(&read[0]), Repairs::read(&counts).unwrap())
+    let counts = read_counts(gpu, prepare.repairs());
+    (unpack(&gpu.read(border.size, &out.each_ref())), counts)
+}
+
+fn out_planes(gpu: &Gpu, size: Size) -> [TextureView; 3] {
+    [Texel::Geometry, Texel::Surface, Texel::Moving].map(|texel| {
+        let bytes = vec![0xff; texel.bytes(Storage::Float) as usize * size.pixels()];
+        let usages = TextureUsages::STORAGE_BINDING | TextureUsages::COPY_SRC;
+        gpu.texture_with("guides", texel.format(Storage::Float), size, &bytes, usages)
+    })
 }
 
 /// The host's textures of a frame.
@@ -151,7 +160,7 @@ impl Host {
             camera: self.camera,
             previous_camera: self.previous_camera,
             size: SIZE,
-            planes: GuideTextures {
+            planes: Some(GuideTextures {
                 convention: self.convention,
                 view_depth: self.depth.as_ref(),
                 normal: self.normal.as_ref(),
@@ -160,7 +169,7 @@ impl Host {
                 glossy_hit_distance: self.hit.as_ref().map(Scalar::from),
                 surface_id: self.id.as_ref(),
                 confidence_in: share(Channel::A),
-            },
+            }),
             colours: None,
         }
     }
@@ -423,7 +432,7 @@ const CASES: &[Case] = &[
 #[test]
 fn every_convention_gives_the_guides_of_the_border() {
     let Some(gpu) = gpu() else { return };
-    let prepare = Prepare::new(&gpu.device);
+    let prepare = Prepare::new(&gpu.device, Storage::Float);
     let mut failures = Vec::new();
     let frame = scene_frame(2);
     let wanted = expected(&frame);
@@ -447,13 +456,13 @@ fn every_convention_gives_the_guides_of_the_border() {
 #[test]
 fn what_is_absent_is_as_the_contract_says() {
     let Some(gpu) = gpu() else { return };
-    let prepare = Prepare::new(&gpu.device);
+    let prepare = Prepare::new(&gpu.device, Storage::Float);
     for frame in [scene_frame(3), mirror(jittered, false, Noise::None).frame(SIZE, 3)] {
         for k in 0..7 {
             let mut frame = frame.clone();
             let mut host = Host::new(gpu, &frame);
             let mut border = host.border();
-            let planes = &mut border.planes;
+            let planes = border.planes.as_mut().unwrap();
             // Trust and roughness are zeros in the host's texture where the frame has none.
             if frame.confidence_in.is_none() {
                 planes.confidence_in = None;
@@ -515,7 +524,7 @@ fn repairs_are_those_of_the_border_and_counted_alike() {
         colour(&frame.glossy_weight),
     ];
     let border = Border { colours: Some(colours.each_ref().map(Some)), ..host.border() };
-    let prepare = Prepare::new(&gpu.device);
+    let prepare = Prepare::new(&gpu.device, Storage::Float);
     let mut reference = Denoiser::with_backend(SIZE, &Settings::default(), Backend::Reference).unwrap();
     let wanted = reference.denoise(&frame.frame(&[])).unwrap().report.sanitised;
     // Counts start afresh with every frame.
@@ -543,9 +552,9 @@ fn repairs_are_those_of_the_border_and_counted_alike() {
         ("} else if depth <= 0.0 {", "} else if depth < 0.0 {"),
         ("count > 0u", "count > 1u"),
     ] {
-        let source = prepare_source();
+        let source = prepare_source(Storage::Float);
         assert!(source.contains(from), "`{from}` is not there");
-        let planted = Prepare::with_source(&gpu.device, source.replacen(from, to, 1));
+        let planted = Prepare::with_source(&gpu.device, Storage::Float, source.replacen(from, to, 1));
         let (found, counted) = run(gpu, &planted, &border);
         let seen = difference(&expected(&frame), &found, FLOAT).is_some() || counted != wanted;
         assert!(seen, "`{from}` made `{to}` went unseen");
@@ -557,35 +566,36 @@ fn a_texture_that_does_not_fit_is_named() {
     let Some(gpu) = gpu() else { return };
     let frame = scene_frame(0);
     let host = Host::new(gpu, &frame);
-    let prepare = Prepare::new(&gpu.device);
+    let prepare = Prepare::new(&gpu.device, Storage::Float);
     let blank = FrameBuf::new(SIZE, frame.camera);
     let uniform = gpu.buffer("frame", &FrameUniforms::new(&guides(&blank), None).bytes(), BufferUsages::UNIFORM);
-    let out = gpu.buffer("guides", &vec![0; 48 * SIZE.pixels()], BufferUsages::STORAGE);
+    let out = out_planes(gpu, SIZE);
     let encode = |border: &Border<'_>| -> Result<(), Error> {
         let mut encoder = gpu.device.create_command_encoder(&CommandEncoderDescriptor { label: Some("test") });
-        prepare.encode(&gpu.device, &mut encoder, &uniform, border, &out)
+        prepare.encode(&gpu.device, &mut encoder, &uniform, border, out.each_ref())
     };
     let plain = |format, size| texture(gpu, format, size, 0, |_, _| [0.5; 4]);
     let small = plain(F::R32Float, Size::new(44, 27));
     let (one, ids, bytes) = (plain(F::R32Float, SIZE), plain(F::R32Uint, SIZE), plain(F::Rgba8Unorm, SIZE));
     let good = host.border();
+    let planes = good.planes.unwrap();
     assert_eq!(encode(&good), Ok(()));
-    let named = |planes: GuideTextures<'_>| encode(&Border { planes, ..good }).unwrap_err().to_string();
-    let error = named(GuideTextures { view_depth: Some(&small), ..good.planes });
+    let named = |planes: GuideTextures<'_>| encode(&Border { planes: Some(planes), ..good }).unwrap_err().to_string();
+    let error = named(GuideTextures { view_depth: Some(&small), ..planes });
     assert!(error.contains("`view_depth` is 44x27"), "{error}");
-    let error = named(GuideTextures { normal: Some(&one), ..good.planes });
+    let error = named(GuideTextures { normal: Some(&one), ..planes });
     assert!(error.contains("`normal`") && error.contains("three channels"), "{error}");
-    let error = named(GuideTextures { motion: Some(&one), ..good.planes });
+    let error = named(GuideTextures { motion: Some(&one), ..planes });
     assert!(error.contains("`motion`") && error.contains("two channels"), "{error}");
-    let error = named(GuideTextures { surface_id: Some(&bytes), ..good.planes });
+    let error = named(GuideTextures { surface_id: Some(&bytes), ..planes });
     assert!(error.contains("`surface_id`") && error.contains("unsigned integers"), "{error}");
-    let error = named(GuideTextures { view_depth: Some(&ids), ..good.planes });
+    let error = named(GuideTextures { view_depth: Some(&ids), ..planes });
     assert!(error.contains("`view_depth`") && error.contains("R32Uint"), "{error}");
     let scalar = Scalar { view: &one, channel: Channel::G };
-    let error = named(GuideTextures { roughness: Some(scalar), ..good.planes });
+    let error = named(GuideTextures { roughness: Some(scalar), ..planes });
     assert!(error.contains("`roughness`") && error.contains("channel"), "{error}");
     let depth = depth_texture(gpu, SIZE, |_, _| 0.5);
-    let error = named(GuideTextures { confidence_in: Some((&depth).into()), ..good.planes });
+    let error = named(GuideTextures { confidence_in: Some((&depth).into()), ..planes });
     assert!(error.contains("`confidence_in`") && error.contains("Depth32Float"), "{error}");
     let camera = Camera { clip_from_world: [0.0; 16], ..good.camera };
     assert!(encode(&Border { camera, ..good }).is_err());

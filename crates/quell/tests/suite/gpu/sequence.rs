@@ -47,16 +47,19 @@ impl Uploaded {
             Some(gpu::Signal { light: light.as_ref()?, weight: weight.as_ref(), direct: direct.as_ref() })
         };
         let [geometry, surface, moving] = &self.guides;
+        let f = &self.frame;
+        let guides = gpu::PackedGuides {
+            geometry,
+            surface,
+            moving,
+            has_roughness: f.roughness.is_some(),
+            has_glossy_hit: f.glossy_hit_distance.is_some(),
+        };
         gpu::Frame {
-            camera: self.frame.camera,
-            previous_camera: self.frame.previous_camera,
-            index: self.frame.index,
-            guides: gpu::PackedGuides { geometry, surface, moving },
-            has_roughness: self.frame.roughness.is_some(),
-            has_glossy_hit: self.frame.glossy_hit_distance.is_some(),
-            direct: &self.direct,
+            direct: Some(&self.direct),
             matte: signal(0),
             glossy: signal(1),
+            ..gpu::Frame::new(f.size, f.camera, f.previous_camera, f.index, guides)
         }
     }
 }
@@ -66,9 +69,12 @@ fn colours(size: Size, floats: &[f32]) -> Plane<Rgb> {
 }
 
 /// What both denoisers are compared by.
-fn read(gpu: &Gpu, size: Size, output: &gpu::Output) -> Output {
-    let planes: Vec<(&'static str, &TextureView)> = [("composite", &output.composite), ("direct", &output.direct)]
-        .into_iter()
+pub fn read(gpu: &Gpu, size: Size, output: &gpu::Output) -> Output {
+    let planes: Vec<(&'static str, &TextureView)> = output
+        .composite
+        .iter()
+        .map(|b| ("composite", b))
+        .chain(output.direct.iter().map(|b| ("direct", b)))
         .chain(output.matte.iter().map(|b| ("matte", b)))
         .chain(output.glossy.iter().map(|b| ("glossy", b)))
         .collect();
@@ -85,7 +91,7 @@ fn read(gpu: &Gpu, size: Size, output: &gpu::Output) -> Output {
     Output { by: By::Gpu, colours, scalars }
 }
 
-fn on_reference(denoiser: &mut Denoiser, frame: &FrameBuf) -> Output {
+pub fn on_reference(denoiser: &mut Denoiser, frame: &FrameBuf) -> Output {
     let kept = denoise(denoiser, frame);
     let mut colours = vec![("composite", kept.composite), ("direct", kept.direct)];
     colours.extend(kept.matte.map(|p| ("matte", p)));
@@ -103,9 +109,10 @@ fn on_gpu(gpu: &Gpu, denoiser: &mut gpu::Denoiser, frame: &FrameBuf) -> Output {
 }
 
 /// Everything exact.
-fn exact(settings: &Settings) -> Options {
+pub fn exact(settings: &Settings) -> Options {
     let mut options = Options::new(settings);
     options.storage = Storage::Float;
+    options.composite = true;
     options
 }
 
@@ -117,7 +124,7 @@ fn both(gpu: &Gpu, settings: &Settings, frames: &[FrameBuf]) -> [Output; 2] {
     frames.iter().map(run).last().unwrap()
 }
 
-fn agree([a, b]: [Output; 2], what: &str) {
+pub fn agree([a, b]: [Output; 2], what: &str) {
     match compare(&a, &b, SEQUENCE) {
         Ok(seen) => println!("{what:<20} {seen:.1e} of {:.0e}", SEQUENCE.relative),
         Err(difference) => panic!("{what}: {difference}"),
@@ -249,12 +256,13 @@ fn what_cannot_be_encoded_is_an_error_and_changes_nothing() {
     let private = gpu.texture_with("private", TextureFormat::Rgba16Float, few, &[0; 128], TextureUsages::COPY_SRC);
     let good = uploaded.frame();
     assert_eq!(encode(&good), Ok(false));
-    let guides = gpu::PackedGuides { geometry: &small, ..good.guides };
-    let error = encode(&gpu::Frame { guides, ..good }).unwrap_err();
+    let gpu::Guides::Packed(packed) = good.guides else { panic!() };
+    let guides = gpu::PackedGuides { geometry: &small, ..packed };
+    let error = encode(&gpu::Frame { guides: guides.into(), ..good }).unwrap_err();
     assert!(error.to_string().contains("geometry"), "{error}");
-    let error = encode(&gpu::Frame { direct: &small, ..good }).unwrap_err();
+    let error = encode(&gpu::Frame { direct: Some(&small), ..good }).unwrap_err();
     assert!(error.to_string().contains("`direct`"), "{error}");
-    let error = encode(&gpu::Frame { direct: &private, ..good }).unwrap_err();
+    let error = encode(&gpu::Frame { direct: Some(&private), ..good }).unwrap_err();
     assert!(error.to_string().contains("TEXTURE_BINDING"), "{error}");
     let camera = Camera { clip_from_world: [0.0; 16], ..good.camera };
     let error = encode(&gpu::Frame { camera, ..good }).unwrap_err();

@@ -1,8 +1,8 @@
 //! The shaders without a GPU: they validate, bind what Rust binds, lie within WebGPU's default limits, and their structs
 //! are laid out as Rust writes them.
 
-use quell::gpu::wgpu::{Limits, naga};
-use quell::gpu::{BindingKind, Pass, Storage, WORKGROUP, count_source, layouts, prepare_source};
+use quell::gpu::wgpu::{Limits, TextureFormat, naga};
+use quell::gpu::{BindingKind, Pass, Storage, WORKGROUP, count_source, debug_source, layouts, prepare_source};
 
 /// Every pass as every device may be given it.
 fn sources() -> Vec<(Pass, Storage, String)> {
@@ -63,13 +63,20 @@ fn passes_are_within_the_default_limits() {
     assert_eq!(limits.max_compute_invocations_per_workgroup, 256);
 }
 
+/// The shaders that are no stage's.
+fn others() -> Vec<String> {
+    let storages = [Storage::Half, Storage::Float];
+    let of = |storage| [prepare_source(storage), debug_source(storage, TextureFormat::Rgba8Unorm)];
+    storages.into_iter().flat_map(of).chain([count_source()]).collect()
+}
+
 #[test]
-fn the_border_validates_within_the_default_limits() {
+fn border_and_debug_views_validate_within_the_default_limits() {
     let limits = Limits::default();
-    for source in [prepare_source(), count_source()] {
-        let module = naga::front::wgsl::parse_str(&source).unwrap_or_else(|e| panic!("{}", e.emit_to_string(&source)));
-        let mut validator =
-            naga::valid::Validator::new(naga::valid::ValidationFlags::all(), naga::valid::Capabilities::empty());
+    let capabilities = naga::valid::Capabilities::SHADER_FLOAT16_IN_FLOAT32;
+    for source in others() {
+        let module = parsed("other", &source);
+        let mut validator = naga::valid::Validator::new(naga::valid::ValidationFlags::all(), capabilities);
         validator.validate(&module).unwrap_or_else(|e| panic!("{}", e.emit_to_string(&source)));
         let bound = |space: fn(&naga::AddressSpace) -> bool| {
             module.global_variables.iter().filter(|(_, v)| v.binding.is_some() && space(&v.space)).count() as u32
@@ -99,9 +106,10 @@ fn difference(module: &naga::Module, expected: &quell::gpu::Uniform) -> Option<R
 
 #[test]
 fn structs_are_laid_out_as_rust_writes_them() {
-    let border = [prepare_source(), count_source()].map(|s| parsed("border", &s));
-    let passes = sources().into_iter().map(|(pass, _, source)| parsed(pass.name, &source));
-    let modules: Vec<naga::Module> = passes.chain(border).collect();
+    let others: Vec<naga::Module> = others().iter().map(|source| parsed("other", source)).collect();
+    let passes = sources();
+    let modules: Vec<naga::Module> =
+        passes.iter().map(|(pass, _, source)| parsed(pass.name, source)).chain(others).collect();
     for layout in layouts() {
         let results: Vec<_> = modules.iter().filter_map(|m| difference(m, &layout)).collect();
         assert!(!results.is_empty(), "no shader has a struct `{}`", layout.name);

@@ -1,8 +1,10 @@
 //! Planes as a host's textures: written in the format that the host would have.
 
 use super::device::Gpu;
-use quell::Size;
-use quell::gpu::wgpu;
+use glam::Vec3;
+use quell::border::Sanitised;
+use quell::gpu::{self, Channel, GuideTextures, Repairs, Scalar, wgpu};
+use quell::{FrameBuf, Plane, Rgb, Size};
 use wgpu::{TextureFormat as F, TextureUsages, TextureView};
 
 /// A half float, rounded to nearest even.
@@ -62,7 +64,8 @@ pub fn texture(gpu: &Gpu, format: F, size: Size, margin: u32, at: impl Fn(usize,
         sample_count: 1,
         dimension: wgpu::TextureDimension::D2,
         format,
-        usage: TextureUsages::TEXTURE_BINDING | TextureUsages::COPY_DST,
+        // COPY_SRC: what no stage filters comes out as it went in, and is read back.
+        usage: TextureUsages::TEXTURE_BINDING | TextureUsages::COPY_DST | TextureUsages::COPY_SRC,
         view_formats: &[],
     });
     let nonsense = [0.3, f32::NAN, -7.0, 0.1];
@@ -161,4 +164,91 @@ pub fn depth_texture(gpu: &Gpu, size: Size, at: impl Fn(usize, usize) -> f32) ->
     }
     gpu.queue.submit([encoder.finish()]);
     target
+}
+
+/// The counts of repairs once everything submitted has run.
+pub fn read_counts(gpu: &Gpu, repairs: &Repairs) -> Sanitised {
+    let numbers = &gpu.read_buffers(&[repairs.buffer()])[0];
+    Repairs::read(&numbers.iter().flat_map(|n| n.to_le_bytes()).collect::<Vec<_>>()).unwrap()
+}
+
+/// A whole frame as a host's textures, in quell's own convention and 32-bit floats.
+pub struct HostFrame {
+    frame: FrameBuf,
+    /// Depth, normal, motion, roughness and trust, hit distance, id.
+    guides: [Option<TextureView>; 6],
+    /// Direct, matte, glossy, direct_matte, direct_glossy, matte_weight, glossy_weight.
+    colours: [Option<TextureView>; 7],
+    joint: Vec<(String, quell::Signal, TextureView)>,
+}
+
+impl HostFrame {
+    pub fn new(gpu: &Gpu, frame: &FrameBuf) -> Self {
+        let size = frame.size;
+        let scalar =
+            |p: &Option<Plane<f32>>| p.as_ref().map(|p| texture(gpu, F::R32Float, size, 1, |x, y| [p.at(x, y); 4]));
+        let colour = |p: &Plane<Rgb>| {
+            texture(gpu, F::Rgba32Float, size, 1, |x, y| Vec3::from(p.at(x, y)).extend(f32::NAN).to_array())
+        };
+        let colours = [
+            &frame.direct,
+            &frame.matte,
+            &frame.glossy,
+            &frame.direct_matte,
+            &frame.direct_glossy,
+            &frame.matte_weight,
+            &frame.glossy_weight,
+        ];
+        let shares = |x, y| {
+            let at = |p: &Option<Plane<f32>>| p.as_ref().map_or(1.0, |p| p.at(x, y));
+            [at(&frame.roughness), at(&frame.confidence_in), 0.0, 0.0]
+        };
+        let id = frame.surface_id.as_ref();
+        let motion = frame.motion.as_ref();
+        Self {
+            guides: [
+                scalar(&frame.view_depth),
+                frame.normal.as_ref().map(colour),
+                motion.map(|p| texture(gpu, F::Rg32Float, size, 1, |x, y| [p.at(x, y)[0], p.at(x, y)[1], 0.0, 0.0])),
+                Some(texture(gpu, F::Rgba32Float, size, 1, shares)),
+                scalar(&frame.glossy_hit_distance),
+                id.map(|p| texture(gpu, F::R32Uint, size, 0, |x, y| [p.at(x, y) as f32; 4])),
+            ],
+            colours: colours.map(|p| p.as_ref().map(colour)),
+            joint: frame.passes.iter().map(|p| (p.name.clone(), p.signal, colour(&p.plane))).collect(),
+            frame: frame.clone(),
+        }
+    }
+
+    pub fn joint(&self) -> Vec<gpu::JointPlane<'_>> {
+        self.joint.iter().map(|(name, signal, light)| gpu::JointPlane { name, signal: *signal, light }).collect()
+    }
+
+    /// `joint`: of [`HostFrame::joint`].
+    pub fn frame<'a>(&'a self, joint: &'a [gpu::JointPlane<'a>]) -> gpu::Frame<'a> {
+        let f = &self.frame;
+        let [depth, normal, motion, shares, hit, id] = self.guides.each_ref().map(Option::as_ref);
+        let share = |channel, there: bool| shares.filter(|_| there).map(|view| Scalar { view, channel });
+        let guides = GuideTextures {
+            view_depth: depth,
+            normal,
+            motion,
+            roughness: share(Channel::R, f.roughness.is_some()),
+            glossy_hit_distance: hit.map(Scalar::from),
+            surface_id: id,
+            confidence_in: share(Channel::G, f.confidence_in.is_some()),
+            ..GuideTextures::default()
+        };
+        let [direct, matte, glossy, direct_matte, direct_glossy, matte_weight, glossy_weight] =
+            self.colours.each_ref().map(Option::as_ref);
+        let signal =
+            |light: Option<&'a TextureView>, weight, direct| light.map(|light| gpu::Signal { light, weight, direct });
+        gpu::Frame {
+            direct,
+            matte: signal(matte, matte_weight, direct_matte),
+            glossy: signal(glossy, glossy_weight, direct_glossy),
+            joint,
+            ..gpu::Frame::new(f.size, f.camera, f.previous_camera, f.index, guides)
+        }
+    }
 }
