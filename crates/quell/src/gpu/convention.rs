@@ -99,9 +99,9 @@ impl Convention {
         roughness: RoughnessKind::Perceptual,
     };
 
-    /// Bevy's prepass textures (read in `bevy_pbr` 0.19: `prepass_utils.wgsl` unpacks normals as twice the texel minus
-    /// one; the skybox's and the meshes' prepasses write current minus previous clip position times (0.5, -0.5), which is
-    /// UV; the camera's `clip_from_view` is reversed and infinite, and TAA's jitter is left out of the vectors).
+    /// Bevy's prepass textures, as `bevy_pbr`'s shaders write and read them (0.19): normals as (n + 1) / 2; vectors as
+    /// current minus previous clip position times (0.5, -0.5), which is UV, from matrices without TAA's jitter; device
+    /// depth, reversed and infinite. The camera's `clip_from_world` is Bevy's `unjittered_clip_from_world`.
     pub const BEVY: Self = Self {
         motion_scale: [-1.0; 2],
         motion_unit: MotionUnit::Extents,

@@ -11,6 +11,34 @@
 //!
 //! Single passes, for bisecting and tests: [`Pass`], [`Kernel`], told by [`FrameUniforms`], [`SettingsUniforms`].
 //!
+//! ```no_run
+//! # use quell::gpu::{self, wgpu};
+//! # fn frame(
+//! #     device: &wgpu::Device, encoder: &mut wgpu::CommandEncoder, denoiser: &mut gpu::Denoiser,
+//! #     views: [&wgpu::TextureView; 7], cameras: [quell::Camera; 2], index: i64,
+//! # ) -> Result<(), gpu::Error> {
+//! # let [depth, normal, motion, orm, matte, albedo, target] = views;
+//! # let [camera, previous_camera] = cameras;
+//! # let size = denoiser.size();
+//! // Made once: gpu::Denoiser::new(&device, size, &gpu::Options::new(&settings))?
+//! let guides = gpu::GuideTextures {
+//!     convention: gpu::Convention::BEVY,
+//!     view_depth: Some(depth),
+//!     normal: Some(normal),
+//!     motion: Some(motion),
+//!     roughness: Some(gpu::Scalar { view: orm, channel: gpu::Channel::G }),
+//!     ..Default::default()
+//! };
+//! let frame = gpu::Frame {
+//!     matte: Some(gpu::Signal { light: matte, weight: Some(albedo), direct: None }),
+//!     targets: gpu::Targets { matte: Some(target), ..Default::default() },
+//!     ..gpu::Frame::new(size, camera, previous_camera, index, guides)
+//! };
+//! denoiser.encode(device, encoder, &frame)?; // the filtered signal is in `target` once the encoder has run
+//! # Ok(())
+//! # }
+//! ```
+//!
 //! All are good guests: they take the caller's device and encoder, never submit, block, poll or read back, and ask for no
 //! feature and no limit beyond WebGPU's defaults.
 

@@ -454,6 +454,36 @@ fn every_convention_gives_the_guides_of_the_border() {
 }
 
 #[test]
+fn device_depth_of_parallel_rays_is_understood() {
+    let Some(gpu) = gpu() else { return };
+    let prepare = Prepare::new(&gpu.device, Storage::Float);
+    let mut frame = FrameBuf::new(SIZE, scene_frame(0).camera);
+    // Along -z from z = 4, with depths from 1 to 9.
+    for camera in [&mut frame.camera, &mut frame.previous_camera] {
+        camera.clip_from_world = [0.3, 0.0, 0.0, 0.0, 0.0, 0.3, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0];
+        camera.position = [0.0, 0.0, 4.0];
+    }
+    frame.view_depth = Some(Plane::from_fn(SIZE, |x, y| if x == 7 { f32::INFINITY } else { 1.5 + 0.1 * y as f32 }));
+    let wanted = expected(&frame);
+    for reversed in [false, true] {
+        let mut host = Host::new(gpu, &frame);
+        (host.shares, host.hit) = (None, None);
+        host.convention.depth = DepthKind::Device;
+        // Depth t = 4 - z: device (t - 1) / 8, or 1 minus that.
+        let sign = if reversed { 1.0 } else { -1.0 };
+        host.camera.clip_from_world[10] = sign / 8.0;
+        host.camera.clip_from_world[14] = if reversed { 5.0 / 8.0 } else { 3.0 / 8.0 };
+        let depth = frame.view_depth.as_ref().unwrap();
+        host.depth = Some(depth_texture(gpu, SIZE, |x, y| {
+            let forward = ((depth.at(x, y) - 1.0) / 8.0).min(1.0);
+            if reversed { 1.0 - forward } else { forward }
+        }));
+        let (found, _) = run(gpu, &prepare, &host.border());
+        assert_eq!(difference(&wanted, &found, FLOAT), None, "reversed: {reversed}");
+    }
+}
+
+#[test]
 fn what_is_absent_is_as_the_contract_says() {
     let Some(gpu) = gpu() else { return };
     let prepare = Prepare::new(&gpu.device, Storage::Float);
@@ -607,5 +637,35 @@ fn half_floats_of_the_tests_are_right() {
         [(1.0, 0x3c00), (-2.0, 0xc000), (65504.0, 0x7bff), (65520.0, 0x7c00), (6.0e-8, 1), (0.333_333, 0x3555)]
     {
         assert_eq!(half(value), bits, "{value}");
+    }
+}
+
+#[test]
+fn half_storage_packs_as_the_cpu_packs() {
+    let Some(gpu) = gpu() else { return };
+    let frame = scene_frame(2);
+    let host = Host::new(gpu, &frame);
+    let texels = pack_guides(&guides(&frame), Storage::Half);
+    let planes = [
+        (Texel::Geometry, &texels.geometry, 0.02),
+        (Texel::Surface, &texels.surface, 0.05),
+        (Texel::Moving, &texels.moving, 0.02),
+    ];
+    let usages = TextureUsages::STORAGE_BINDING | TextureUsages::COPY_SRC;
+    let out = planes.map(|(texel, bytes, _)| {
+        gpu.texture_with("guides", texel.format(Storage::Half), SIZE, &vec![0xff; bytes.len()], usages)
+    });
+    let blank = FrameBuf { previous_camera: frame.previous_camera, ..FrameBuf::new(SIZE, frame.camera) };
+    let uniform = gpu.buffer("frame", &FrameUniforms::new(&guides(&blank), None).bytes(), BufferUsages::UNIFORM);
+    let mut encoder = gpu.device.create_command_encoder(&CommandEncoderDescriptor { label: Some("test") });
+    let prepare = Prepare::new(&gpu.device, Storage::Half);
+    prepare.encode(&gpu.device, &mut encoder, &uniform, &host.border(), out.each_ref()).unwrap();
+    gpu.queue.submit([encoder.finish()]);
+    for ((texel, bytes, most), found) in planes.into_iter().zip(gpu.read(SIZE, &out.each_ref())) {
+        let wanted = bytes.as_chunks::<4>().0.iter().map(|b| u32::from_le_bytes(*b));
+        // A quotient or a root may round otherwise: the last bit of a code.
+        let other = wanted.zip(&found).filter(|(p, q)| *p != q.to_bits()).count();
+        println!("{texel:?}: {other} of {} words", found.len());
+        assert!(other as f64 <= most * found.len() as f64, "{texel:?}: {other} of {} words differ", found.len());
     }
 }
