@@ -12,6 +12,7 @@ use super::prepare::{Border, Prepare};
 use super::program::{Bound, Contents, Dispatch, Memory, Program, Role, Slot};
 use super::repairs::Repairs;
 use super::storage::Storage;
+use super::timing::{Timing, Timings};
 use super::uniforms::{Cameras, FrameUniforms, SettingsUniforms};
 use crate::camera::Camera;
 use crate::frame::Signal;
@@ -34,6 +35,7 @@ pub struct Denoiser {
     planes: Planes,
     program: (Plan, Contents, Program),
     before: Option<Cameras>,
+    timings: Option<Timings>,
     /// Which copy of what alternates this frame writes: 0 or 1.
     turn: usize,
     /// Made when guides first come as textures, or repairs are to be counted.
@@ -113,6 +115,7 @@ impl Denoiser {
             planes,
             program: (plan, Contents::USUAL, program),
             before: None,
+            timings: options.timings.then(|| Timings::new(device, &options.label)).flatten(),
             turn: 0,
             border: None,
             last: None,
@@ -170,6 +173,25 @@ impl Denoiser {
         self.program.2.memory(self.size.pixels())
     }
 
+    /// A plane as the last frame that was encoded left it; `None`: the program has none. For debug views and bisecting.
+    pub fn plane(&self, slot: Slot) -> Option<&wgpu::TextureView> {
+        self.planes.view(slot, false, self.turn)
+    }
+
+    /// Appends to the encoder what brings home the times of the last frame that was encoded, with
+    /// [`Options::timings`]; without, or where the device has no timestamps, it does nothing. Once the host has submitted
+    /// and polled its device, [`Denoiser::take_timings`] has them.
+    pub fn resolve_timings(&mut self, device: &wgpu::Device, encoder: &mut wgpu::CommandEncoder) {
+        if let Some(timings) = &mut self.timings {
+            timings.resolve(device, encoder);
+        }
+    }
+
+    /// The oldest times that have come home, dispatch by dispatch; `None`: none has. It neither polls nor waits.
+    pub fn take_timings(&mut self, queue: &wgpu::Queue) -> Option<Vec<Timing>> {
+        self.timings.as_mut()?.take(f64::from(queue.get_timestamp_period()))
+    }
+
     /// Appends the next frame to the caller's encoder. Frames run in the order in which they were encoded; several may be
     /// encoded before one submit. An encoder that is thrown away has lost a frame: call [`Denoiser::reset`].
     ///
@@ -202,13 +224,17 @@ impl Denoiser {
         let small = self.small(device, frame, &cameras, valid);
         let repairs = self.take_guides(device, encoder, frame, &small)?;
         let told = Told { frame: &small.frame, settings: &small.settings };
+        let mut timings = self.timings.take();
+        timings.iter_mut().for_each(Timings::clear);
         for dispatch in &self.program.2.dispatches {
             let bound: Option<Vec<Bindable<'_>>> =
                 dispatch.bound.iter().map(|bound| self.bindable(*bound, frame, &small)).collect();
             if let (Some(kernel), Some(bound)) = (self.kernels.get(dispatch), bound) {
-                kernel.dispatch(encoder, &kernel.group(device, told, &bound), groups, None);
+                let group = kernel.group(device, told, &bound);
+                kernel.dispatch(encoder, &group, groups, timings.as_mut().and_then(|t| t.next(&dispatch.pass)));
             }
         }
+        self.timings = timings;
         self.fill_targets(encoder, frame);
         self.ledger.close_keyed(frame.index, keys, &self.program.0);
         self.before = Some(cameras);

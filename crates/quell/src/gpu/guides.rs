@@ -97,7 +97,7 @@ mod half {
     const ROUGHNESS_STEPS: f32 = 1023.0;
     const MOTION_LEAST: f32 = 1.220_703_1e-4;
     const MOTION_MOST: f32 = 131_072.0;
-    const CONFIDENCE_STEPS: f32 = 255.0;
+    const CONFIDENCE_STEPS: f32 = 240.0;
     const HALF_MAX: f32 = 65504.0;
 
     fn fold(v: Vec2) -> Vec2 {

@@ -59,6 +59,7 @@ mod prepare;
 mod program;
 mod repairs;
 mod storage;
+mod timing;
 mod uniform;
 mod uniforms;
 
@@ -77,6 +78,7 @@ pub use prepare::{Border, Prepare, count_source, prepare_source};
 pub use program::{Bound, Contents, Dispatch, Memory, Program, Resource, Role, Shown, SignalContents, Slot};
 pub use repairs::Repairs;
 pub use storage::{Storage, Texel};
+pub use timing::Timing;
 pub use uniform::{Member, Uniform};
 pub use uniforms::{FrameUniforms, SettingsUniforms, layouts};
 

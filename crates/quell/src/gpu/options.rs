@@ -19,6 +19,9 @@ pub struct Options {
     /// Repairs of colours are counted ([`super::Output::repairs`]), which reads every colour once more. Those of guides
     /// that come as textures always are.
     pub count_repairs: bool,
+    /// Timestamps around every dispatch, where the device has the feature `TIMESTAMP_QUERY`: for
+    /// [`super::Denoiser::resolve_timings`]. Off by default.
+    pub timings: bool,
     /// Begins the label of every resource and pass.
     pub label: String,
 }
@@ -32,6 +35,7 @@ impl Options {
             fuse: true,
             composite: false,
             count_repairs: false,
+            timings: false,
             label: "quell".to_owned(),
         }
     }

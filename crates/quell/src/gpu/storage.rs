@@ -5,7 +5,7 @@
 //! | colour | rgba16float, 8 bytes; red, green, blue, held to +-65504; relative error 2^-11, under 6e-5 absolute 3e-8 | rgba32float, 16 |
 //! | geometry | rg32uint, 8: view depth as f32; octahedral normal, the upper 16 of 19 bits an axis | rgba32uint, 16: normal, depth |
 //! | surface | r32uint, 4: id in 16 bits, roughness in 10 (error 5e-4), the lower 3 bits of the normal's axes (error of the normal under 1e-5) | rg32uint, 8 |
-//! | moving | rg32uint, 8: motion in 20 bits an axis (relative error 2^-15, under 1.2e-4 px it is 0, at most 131072 px), glossy hit distance over view depth as half, `confidence_in` in 8 bits | rgba32uint, 16 |
+//! | moving | rg32uint, 8: motion in 20 bits an axis (relative error 2^-15, under 1.2e-4 px it is 0, at most 131072 px), glossy hit distance over view depth as half, `confidence_in` in steps of 1/240 | rgba32uint, 16 |
 //! | number | r32float, 4 | r32float, 4 |
 //!
 //! The fourth value of a colour is the confidence in what stages 3 and 8 write (negative for background) and 0 elsewhere.

@@ -24,6 +24,17 @@ struct History {
     length: Option<Plane<f32>>,
 }
 
+/// What another back end made of a stage.
+#[derive(Clone, Debug)]
+pub struct Given {
+    /// [`Step::output`].
+    pub output: Plane<Rgb>,
+    /// [`Image::MatteFloored`], of stage 5.
+    pub floored: Option<Plane<Rgb>>,
+    /// Confidence and history length, of stages 3 and 8.
+    pub state: Option<[Plane<f32>; 2]>,
+}
+
 /// The reference back end for one image size.
 #[derive(Clone, Debug)]
 pub struct Reference {
@@ -67,9 +78,31 @@ impl Reference {
         sanitised: &mut Sanitised,
         times: &mut StageTimes,
     ) -> Result<(), Error> {
+        self.run_with(frame, settings, plan, valid, sanitised, times, |_| None)
+    }
+
+    /// Likewise, but a stage for which `given` has what another back end made of it is not run: its images are taken as
+    /// they are. For bisecting: "the GPU up to stage k, then the reference".
+    ///
+    /// # Errors
+    /// As [`Reference::run`].
+    #[expect(clippy::too_many_arguments, reason = "those of `run`, and one")]
+    pub fn run_with(
+        &mut self,
+        frame: &Frame<'_>,
+        settings: &Settings,
+        plan: &Plan,
+        valid: Validity,
+        sanitised: &mut Sanitised,
+        times: &mut StageTimes,
+        mut given: impl FnMut(&Step) -> Option<Given>,
+    ) -> Result<(), Error> {
         self.read(frame, sanitised)?;
         for step in &plan.steps {
-            times.measure(step.stage, || self.step(step, frame, settings, valid))?;
+            match given(step) {
+                Some(given) => self.take(step, given),
+                None => times.measure(step.stage, || self.step(step, frame, settings, valid))?,
+            }
         }
         let remember = |image: Option<Image>, images: &HashMap<Image, Vec<Plane<Rgb>>>| {
             image.and_then(|i| images.get(&i).cloned()).unwrap_or_default()
@@ -82,6 +115,21 @@ impl Reference {
             plan.runs(Stage::DirectTaa).then(|| self.images.get(&plan.direct_output).map(|p| p[0].clone())).flatten();
         self.previous_guides = self.guides.clone();
         Ok(())
+    }
+
+    fn take(&mut self, step: &Step, given: Given) {
+        let signal = match step.stage {
+            Stage::MatteTemporal => Some(Signal::Matte),
+            Stage::GlossyTemporal => Some(Signal::Glossy),
+            _ => None,
+        };
+        if let (Some(signal), Some([confidence, length])) = (signal, given.state) {
+            self.temporal[signal as usize] = Some(Temporal { planes: vec![given.output.clone()], confidence, length });
+        }
+        self.images.insert(step.output, vec![given.output]);
+        if let Some(floored) = given.floored {
+            self.images.insert(Image::MatteFloored, vec![floored]);
+        }
     }
 
     /// An image of the last frame: the signal, then its passes. What bisecting and the tests of single stages look at.

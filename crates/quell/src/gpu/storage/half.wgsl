@@ -117,7 +117,8 @@ fn motion_of_code(code: u32) -> f32 {
     return select(value, -value, (code >> 19u) != 0u);
 }
 
-const CONFIDENCE_STEPS: f32 = 255.0;
+// Of eight bits: so that halves, thirds, quarters, fifths and tenths come back as they were.
+const CONFIDENCE_STEPS: f32 = 240.0;
 
 // The hit distance as a half, relative to the depth; `HALF_MAX`: infinite.
 fn pack_moving(moves: Moving, depth: f32) -> vec4u {

@@ -37,12 +37,17 @@ fn worst(p: f32, q: f32, magnitude: f64) -> f64 {
     if d.is_nan() { f64::INFINITY } else { d }
 }
 
-pub fn compare(a: &Output, b: &Output, bound: Bound) -> Result<f64, String> {
+type Pairs = Vec<(f32, f32)>;
+/// A plane's name, its pairs of values, how far each pair lies apart.
+type Apart = (&'static str, Pairs, Vec<f64>);
+
+/// Every plane of both: its name, the pairs of values, and how far each pair lies apart, relative to itself and to the
+/// plane's mean magnitude (of shares and frames: 1).
+fn differences(a: &Output, b: &Output) -> Result<Vec<Apart>, String> {
     assert_ne!(a.by, b.by, "a back end always agrees with itself");
     if a.colours.len() != b.colours.len() || a.scalars.len() != b.scalars.len() {
         return Err("another number of planes".to_owned());
     }
-    type Pairs = Vec<(f32, f32)>;
     let mut planes: Vec<(&str, f64, Pairs)> = Vec::new();
     for ((name, p), (_, q)) in a.colours.iter().zip(&b.colours) {
         let values: Pairs = p.data().iter().flatten().copied().zip(q.data().iter().flatten().copied()).collect();
@@ -50,12 +55,18 @@ pub fn compare(a: &Output, b: &Output, bound: Bound) -> Result<f64, String> {
         planes.push((name, magnitude, values));
     }
     for ((name, p), (_, q)) in a.scalars.iter().zip(&b.scalars) {
-        // Shares and frames: 1 is their scale.
         planes.push((name, 1.0, p.data().iter().copied().zip(q.data().iter().copied()).collect()));
     }
+    let apart = |(name, magnitude, values): (&'static str, f64, Pairs)| {
+        let differences = values.iter().map(|(p, q)| worst(*p, *q, magnitude)).collect();
+        (name, values, differences)
+    };
+    Ok(planes.into_iter().map(apart).collect())
+}
+
+pub fn compare(a: &Output, b: &Output, bound: Bound) -> Result<f64, String> {
     let mut largest = 0.0f64;
-    for (name, magnitude, values) in planes {
-        let differences: Vec<f64> = values.iter().map(|(p, q)| worst(*p, *q, magnitude)).collect();
+    for (name, values, differences) in differences(a, b)? {
         let flipped = differences.iter().filter(|d| **d > bound.relative).count();
         let most = differences.iter().copied().fold(0.0, f64::max);
         // One value in a small picture is a large share: with a margin one pixel may always flip.
@@ -106,7 +117,7 @@ pub fn scenes() -> [(&'static str, Scene); 5] {
 }
 
 /// Trust of the host, gloss and ids that change, motion that is not known, background by its normal.
-fn unusual(frame: &mut FrameBuf) {
+pub fn unusual(frame: &mut FrameBuf) {
     let size = frame.size;
     frame.confidence_in = Some(Plane::from_fn(size, |x, y| [1.0, 0.5, 1.0, 0.0, 1.0][(x + 2 * y) % 5]));
     frame.surface_id = Some(Plane::from_fn(size, |x, y| ((x / 23 + y / 11) % 3) as u32));
@@ -129,18 +140,18 @@ fn parallel(frame: &mut FrameBuf) {
     (frame.motion, frame.normal) = (None, None);
 }
 
-fn settings_with(changes: &[(&str, &str)]) -> Settings {
+pub fn settings_with(changes: &[(&str, &str)]) -> Settings {
     let mut s = with_radius(Settings::default(), SIZE, 12.0);
     changes.iter().for_each(|(name, value)| s.set(name, value).unwrap());
     s
 }
 
 /// One comparison: what it is called, its bound, its settings, the job that it makes of inputs.
-struct Case {
-    name: &'static str,
+pub struct Case {
+    pub name: &'static str,
     bound: Bound,
-    changes: &'static [(&'static str, &'static str)],
-    job: fn(&Inputs, &Settings) -> Job,
+    pub changes: &'static [(&'static str, &'static str)],
+    pub job: fn(&Inputs, &Settings) -> Job,
 }
 
 const fn case(
@@ -153,7 +164,7 @@ const fn case(
 }
 
 /// The table: every comparison with its bound.
-const CASES: &[Case] = &[
+pub const CASES: &[Case] = &[
     case("3", SURFACES, &[], |i, s| i.temporal(Signal::Matte, s, true)),
     case("3, after a cut", EXACT, &[], |i, s| i.temporal(Signal::Matte, s, false)),
     case("3, box", SURFACES, &[("matte_temporal.clip", "box"), ("matte_temporal.clip_radius", "3")], |i, s| {

@@ -23,15 +23,18 @@ fn now<T>(future: impl Future<Output = T>) -> T {
     }
 }
 
-fn open() -> Result<Gpu, String> {
+fn open(features: wgpu::Features) -> Result<Gpu, String> {
     let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle());
     let adapter = now(instance.request_adapter(&wgpu::RequestAdapterOptions::default()))
         .map_err(|e| format!("there is no adapter: {e}"))?;
+    if !adapter.features().contains(features) {
+        return Err(format!("the adapter has not {features:?}"));
+    }
     let info = adapter.get_info();
     println!("GPU tests run on {} ({:?}, {})", info.name, info.backend, info.driver_info);
     let descriptor = wgpu::DeviceDescriptor {
         label: Some("quell tests"),
-        required_features: wgpu::Features::empty(),
+        required_features: features,
         required_limits: wgpu::Limits::default(),
         ..Default::default()
     };
@@ -43,7 +46,7 @@ fn open() -> Result<Gpu, String> {
 /// The device, or `None` after saying why there is none.
 pub fn gpu() -> Option<&'static Gpu> {
     static GPU: OnceLock<Result<Gpu, String>> = OnceLock::new();
-    match GPU.get_or_init(open) {
+    match GPU.get_or_init(|| open(wgpu::Features::empty())) {
         Ok(gpu) => Some(gpu),
         Err(why) => {
             let required = std::env::var_os("QUELL_REQUIRE_GPU").is_some_and(|v| v == "1");
@@ -54,11 +57,19 @@ pub fn gpu() -> Option<&'static Gpu> {
     }
 }
 
+/// A device with timestamps, or `None` after saying why there is none.
+pub fn gpu_with_timestamps() -> Option<Gpu> {
+    gpu()?;
+    open(wgpu::Features::TIMESTAMP_QUERY).map_err(|why| println!("SKIPPED: {why}")).ok()
+}
+
 /// Who computed an output: a back end always agrees with itself.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum By {
     Reference,
     Gpu,
+    /// The GPU with one stage a pass.
+    Unfused,
 }
 
 /// What a pass wrote: colour planes, then scalar ones, each with its name.

@@ -18,6 +18,8 @@ const BEFORE: usize = 3;
 
 /// A frame and the guides of it and of its predecessors.
 pub struct Inputs {
+    /// Of the jobs that are made from it.
+    pub storage: Storage,
     frames: Vec<FrameBuf>,
     guides: Vec<Guides>,
 }
@@ -36,7 +38,7 @@ impl Inputs {
             })
             .collect();
         let guides = frames.iter().map(guides).collect();
-        Self { frames, guides }
+        Self { storage: Storage::Float, frames, guides }
     }
 
     fn size(&self) -> Size {
@@ -79,13 +81,13 @@ impl Inputs {
 
     /// The three planes of guides of this frame.
     fn guide_planes(&self) -> [Vec<u8>; 3] {
-        let texels = pack_guides(self.now(), Storage::Float);
+        let texels = pack_guides(self.now(), self.storage);
         [texels.geometry, texels.surface, texels.moving]
     }
 
     /// The two that outlive their frame.
     fn guide_planes_before(&self) -> [Vec<u8>; 2] {
-        let texels = pack_guides(self.before(), Storage::Float);
+        let texels = pack_guides(self.before(), self.storage);
         [texels.geometry, texels.surface]
     }
 
@@ -93,7 +95,7 @@ impl Inputs {
         let names = ["first output", "second output"];
         Job {
             pass,
-            storage: Storage::Float,
+            storage: self.storage,
             size: self.size(),
             frame: FrameUniforms::new(self.now(), Some(self.before())),
             settings: SettingsUniforms::new(settings, self.size()),

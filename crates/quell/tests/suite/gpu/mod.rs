@@ -3,12 +3,16 @@
 //! Without an adapter the tests that need one print why they did nothing; with `QUELL_REQUIRE_GPU=1` they fail.
 
 mod agreement;
+mod bisect;
 mod debug;
 mod device;
+mod half;
 mod hosts;
 mod inputs;
 mod kernel;
 mod prepare;
+mod program;
 mod sequence;
 mod shaders;
 mod textures;
+mod timing;

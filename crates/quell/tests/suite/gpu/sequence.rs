@@ -8,7 +8,7 @@ use quell::gpu::{self, Options, Storage, Texel, pack_guides};
 use quell::{Backend, Camera, Denoiser, FrameBuf, Plane, Rgb, Settings, Size};
 
 /// A frame's planes on the GPU, colours as 32-bit floats.
-struct Uploaded {
+pub struct Uploaded {
     frame: FrameBuf,
     guides: [TextureView; 3],
     direct: TextureView,
@@ -17,7 +17,7 @@ struct Uploaded {
 }
 
 impl Uploaded {
-    fn new(gpu: &Gpu, frame: &FrameBuf, storage: Storage) -> Self {
+    pub fn new(gpu: &Gpu, frame: &FrameBuf, storage: Storage) -> Self {
         let size = frame.size;
         let colour = |plane: &Plane<Rgb>| gpu.texture("colour", TextureFormat::Rgba32Float, size, &colour_bytes(plane));
         let black = Plane::filled(size, [0.0; 3]);
@@ -41,7 +41,7 @@ impl Uploaded {
         }
     }
 
-    fn frame(&self) -> gpu::Frame<'_> {
+    pub fn frame(&self) -> gpu::Frame<'_> {
         let signal = |k: usize| {
             let [light, weight, direct] = self.signals[k].as_ref()?;
             Some(gpu::Signal { light: light.as_ref()?, weight: weight.as_ref(), direct: direct.as_ref() })
@@ -64,7 +64,7 @@ impl Uploaded {
     }
 }
 
-fn colours(size: Size, floats: &[f32]) -> Plane<Rgb> {
+pub fn colours(size: Size, floats: &[f32]) -> Plane<Rgb> {
     Plane::from_vec(size, floats.chunks_exact(4).map(|c| [c[0], c[1], c[2]]).collect()).unwrap()
 }
 
@@ -100,7 +100,7 @@ pub fn on_reference(denoiser: &mut Denoiser, frame: &FrameBuf) -> Output {
     Output { by: By::Reference, colours, scalars }
 }
 
-fn on_gpu(gpu: &Gpu, denoiser: &mut gpu::Denoiser, frame: &FrameBuf) -> Output {
+pub fn on_gpu(gpu: &Gpu, denoiser: &mut gpu::Denoiser, frame: &FrameBuf) -> Output {
     let uploaded = Uploaded::new(gpu, frame, denoiser.storage());
     let mut encoder = gpu.device.create_command_encoder(&CommandEncoderDescriptor { label: Some("host") });
     let output = denoiser.encode(&gpu.device, &mut encoder, &uploaded.frame()).unwrap();

@@ -1,0 +1,124 @@
+//! Half storage against the reference, stage by stage and over 30 frames; fused passes against single ones.
+
+use super::agreement::{Bound, CASES, SIZE, canaries, compare, scenes, settings_with, unusual};
+use super::device::{By, Output, gpu};
+use super::inputs::Inputs;
+use super::sequence::{on_gpu, on_reference};
+use crate::suite::frames::with_radius;
+use quell::gpu::{self, Kernel, Options, Storage};
+use quell::{Backend, Denoiser, Settings};
+
+/// One stage, guides that are plain: the result is rounded to a half, 2^-11 (4.9e-4) of itself; the rest is motion in 20
+/// bits and the hit distance in 11, which move the place in the previous image. A pick of stage 6 or a fetch of stage 8
+/// at a threshold may flip.
+const STAGE: Bound = Bound { relative: 1.1e-3, flips: 1e-3 };
+/// Roughness that changes from pixel to pixel, in steps of 1/1023: the radius of stages 9 and 10 goes with its square, and
+/// a tap at its edge comes or goes; Kg takes it ten times.
+const GUIDED: Bound = Bound { relative: 5e-3, flips: 5e-3 };
+/// 30 frames: every frame's history is rounded once, to nearest, and errors do not add up.
+const SEQUENCE: Bound = Bound { relative: 2e-3, flips: 2e-3 };
+/// Curved mirrors find their history by the differences of neighbouring normals (19 bits an axis) and by the hit distance.
+const CURVED: Bound = Bound { relative: 5e-3, flips: 2e-2 };
+
+#[test]
+fn every_pass_agrees_in_half_storage() {
+    let Some(gpu) = gpu() else { return };
+    let mut failures = Vec::new();
+    for case in CASES {
+        let settings = settings_with(case.changes);
+        let mut kernel = None;
+        let mut largest = [0.0f64; 2];
+        for (name, scene) in scenes() {
+            // Each scene in one kind: half the time.
+            let is_unusual = matches!(name, "mirror" | "jittered");
+            let bound = if is_unusual { GUIDED } else { STAGE };
+            let mut inputs = Inputs::new(&scene, SIZE, |frame| {
+                if is_unusual {
+                    unusual(frame);
+                }
+            });
+            inputs.storage = Storage::Half;
+            let job = (case.job)(&inputs, &settings);
+            let kernel = kernel.get_or_insert_with(|| Kernel::new(&gpu.device, job.pass, Storage::Half, false));
+            let output = gpu.run(kernel, &job);
+            match compare(&job.expected, &output, bound) {
+                Ok(seen) => largest[usize::from(is_unusual)] = largest[usize::from(is_unusual)].max(seen),
+                Err(difference) => failures.push(format!("{name}, {}: {difference}", case.name)),
+            }
+            for (canary, planted) in canaries(&output) {
+                if !is_unusual && compare(&job.expected, &planted, bound).is_ok() {
+                    failures.push(format!("{name}, {}: {canary} went unseen", case.name));
+                }
+            }
+        }
+        println!(
+            "{:<20} {:.1e} of {:.1e}, {:.1e} of {:.1e}",
+            case.name, largest[0], STAGE.relative, largest[1], GUIDED.relative
+        );
+    }
+    assert!(failures.is_empty(), "{}", failures.join("\n"));
+}
+
+#[test]
+fn thirty_frames_agree_in_half_storage() {
+    let Some(gpu) = gpu() else { return };
+    for (name, scene) in scenes() {
+        let bound = if name == "sphere" { CURVED } else { SEQUENCE };
+        let settings = with_radius(Settings::default(), SIZE, 12.0);
+        let mut reference = Denoiser::with_backend(SIZE, &settings, Backend::Reference).unwrap();
+        let mut other = {
+            let mut options = Options::new(&settings);
+            options.composite = true;
+            gpu::Denoiser::new(&gpu.device, SIZE, &options).unwrap()
+        };
+        for i in 0..30 {
+            let frame = scene.frame(SIZE, i);
+            let (a, b) = (on_reference(&mut reference, &frame), on_gpu(gpu, &mut other, &frame));
+            if i % 10 != 9 {
+                continue;
+            }
+            let colours = |o: &Output| Output { scalars: Vec::new(), ..o.clone() };
+            let scalars = |o: &Output| Output { colours: Vec::new(), ..o.clone() };
+            for (a, b, bound) in [(colours(&a), colours(&b), bound), (scalars(&a), scalars(&b), SEQUENCE)] {
+                match compare(&a, &b, bound) {
+                    Ok(seen) => println!("{name}, frame {i}: {seen:.1e} of {:.1e}", bound.relative),
+                    Err(difference) => panic!("{name}, frame {i}: {difference}"),
+                }
+                // What changes colours leaves scalars alone.
+                for (canary, planted) in canaries(&b).into_iter().skip(if b.colours.is_empty() { 3 } else { 0 }) {
+                    assert!(compare(&a, &planted, bound).is_err(), "{name}, frame {i}: {canary} went unseen");
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn fused_passes_agree_with_single_ones() {
+    let Some(gpu) = gpu() else { return };
+    // The same steps, compiled in other company: a multiplication and an addition may be fused in one and not the other.
+    let bounds = [
+        (Storage::Float, Bound { relative: 1e-5, flips: 1e-3 }),
+        (Storage::Half, Bound { relative: 1.1e-3, flips: 1e-3 }),
+    ];
+    for (storage, bound) in bounds {
+        for (name, scene) in scenes().into_iter().skip(1).step_by(2) {
+            let settings = with_radius(Settings::default(), SIZE, 12.0);
+            let mut denoisers = [true, false].map(|fuse| {
+                let mut options = Options::new(&settings);
+                (options.storage, options.fuse, options.composite) = (storage, fuse, true);
+                gpu::Denoiser::new(&gpu.device, SIZE, &options).unwrap()
+            });
+            for i in 0..4 {
+                let frame = scene.frame(SIZE, i);
+                let [a, mut b] = denoisers.each_mut().map(|denoiser| on_gpu(gpu, denoiser, &frame));
+                b.by = By::Unfused;
+                let result = compare(&a, &b, bound);
+                assert!(result.is_ok(), "{storage:?}, {name}, frame {i}: {result:?}");
+                println!("{storage:?}, {name}, frame {i}: fused and single differ by {:.1e}", result.unwrap_or(1.0));
+            }
+            let passes = |k: usize| denoisers[k].program().dispatches.len();
+            assert!(passes(0) < passes(1));
+        }
+    }
+}

@@ -1,0 +1,148 @@
+//! What a frame does, counted and checked without a device.
+
+use quell::Settings;
+use quell::gpu::wgpu::Limits;
+use quell::gpu::{BindingKind, Contents, Program, Role, SignalContents, Storage};
+use quell::pipeline::{Plan, Stage};
+
+fn program(settings: &Settings, contents: Contents, storage: Storage, fuse: bool) -> Program {
+    Program::new(&Plan::new(settings, contents.inputs()), contents, storage, fuse)
+}
+
+/// Stages 3 to 10.
+const FILTERS: [Stage; 8] = [
+    Stage::MatteTemporal,
+    Stage::MattePrefilter,
+    Stage::Disocclusion,
+    Stage::Firefly,
+    Stage::MatteBilateral,
+    Stage::GlossyTemporal,
+    Stage::GlossyHorizontal,
+    Stage::GlossyVertical,
+];
+
+#[test]
+fn stages_3_to_10_move_at_most_260_bytes_a_pixel() {
+    let settings = Settings::default();
+    let bytes = |storage, fuse| {
+        let program = program(&settings, Contents::USUAL, storage, fuse);
+        for dispatch in &program.dispatches {
+            println!("{storage:?} {:<32} {:>3} bytes a pixel", dispatch.pass.name, program.bytes_of(dispatch));
+        }
+        let memory = program.memory(1);
+        println!("{storage:?}: {} bytes a pixel persistent, {} transient", memory.persistent, memory.transient);
+        FILTERS.iter().map(|stage| program.bytes_per_pixel(*stage).unwrap()).sum::<u32>()
+    };
+    // Guides now 20 and before 12; of each signal input, history, result 8 each, length read and written 4 each; then
+    // stage 4, stages 5 and 6, stage 7, stages 9 and 10.
+    assert_eq!(bytes(Storage::Half, true), (32 + 2 * 32) + 28 + 32 + 28 + 2 * 36);
+    assert!(bytes(Storage::Half, true) <= 260);
+    // Alone, stages 3 and 8 read the guides each, 5 writes what 6 reads, and 6 the depths.
+    assert_eq!(bytes(Storage::Half, false), 256 + 32 + 8 + 8 + 8);
+    assert!(bytes(Storage::Float, true) > 260);
+}
+
+#[test]
+fn five_thousand_pixels_fit_the_default_limits() {
+    let (limits, width, height) = (Limits::default(), 5120, 2880);
+    let program = program(&Settings::default(), Contents::USUAL, Storage::Half, true);
+    assert!(width <= limits.max_texture_dimension_2d && height <= limits.max_texture_dimension_2d);
+    assert!(width.div_ceil(8) <= limits.max_compute_workgroups_per_dimension);
+    for resource in &program.resources {
+        // No plane is a buffer, and none would be too large for one binding.
+        let bytes = resource.texel.map_or(0, |texel| u64::from(texel.bytes(Storage::Half)));
+        assert!(bytes * u64::from(width * height) <= limits.max_storage_buffer_binding_size, "{:?}", resource.slot);
+    }
+    let memory = program.memory((width * height) as usize);
+    assert_eq!(memory.persistent + memory.transient, {
+        let one = program.memory(1);
+        (one.persistent + one.transient) * u64::from(width * height)
+    });
+}
+
+/// Every combination of switches, feedback and contents.
+fn every_program(mut check: impl FnMut(&Program, &str)) {
+    let switches = [
+        "matte_temporal.enabled",
+        "matte_prefilter.enabled",
+        "disocclusion.enabled",
+        "firefly.enabled",
+        "matte_bilateral.enabled",
+        "glossy_temporal.enabled",
+        "glossy_bilateral.enabled",
+        "direct_taa.enabled",
+    ];
+    let some = Some(SignalContents { weight: true, direct: true });
+    let none = Some(SignalContents::default());
+    let contents = [
+        Contents::USUAL,
+        Contents { matte: some, glossy: None, joint: [2, 0], ..Contents::USUAL },
+        Contents { matte: None, glossy: none, jitter: false, direct: false, joint: [0, 1] },
+        Contents::default(),
+    ];
+    for feedback in ["temporal", "prefilter", "blend", "firefly", "bilateral"] {
+        for mask in 0..1u32 << switches.len() {
+            let mut settings = Settings::default();
+            settings.set("pipeline.feedback", feedback).unwrap();
+            for (i, switch) in switches.iter().enumerate() {
+                settings.set(switch, if mask >> i & 1 == 1 { "on" } else { "off" }).unwrap();
+            }
+            for contents in contents {
+                for fuse in [false, true] {
+                    let program = program(&settings, contents, Storage::Half, fuse);
+                    check(&program, &format!("{feedback}, switches {mask:b}, {contents:?}, fused {fuse}"));
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn every_plane_is_written_before_it_is_read_and_never_while() {
+    every_program(|program, what| {
+        let mut written = Vec::new();
+        for dispatch in &program.dispatches {
+            let name = dispatch.pass.name;
+            assert_eq!(dispatch.bound.len(), dispatch.pass.bindings.len(), "{what}: {name}");
+            let bindings: Vec<_> = program.bindings(dispatch).collect();
+            let stored: Vec<_> = bindings.iter().filter(|(b, ..)| matches!(b.kind, BindingKind::Stored(_))).collect();
+            for (binding, resource, before) in &bindings {
+                let slot = resource.slot;
+                match binding.kind {
+                    BindingKind::Sampled(texel) => {
+                        assert_eq!(resource.texel, Some(texel), "{what}: {name}, {}", binding.name);
+                        let given = matches!(resource.role, Role::Input | Role::Guides);
+                        assert!(given || *before || written.contains(&slot), "{what}: {name} reads {slot:?}");
+                        assert!(!*before || resource.alternates, "{what}: {name} reads {slot:?} of the frame before");
+                        assert!(
+                            !stored.iter().any(|(_, r, b)| r.slot == slot && b == before),
+                            "{what}: {name} reads {slot:?} while it writes it"
+                        );
+                    }
+                    BindingKind::Stored(texel) => {
+                        assert_eq!(resource.texel, Some(texel), "{what}: {name}, {}", binding.name);
+                        assert!(!*before && resource.role != Role::Input, "{what}: {name} writes {slot:?}");
+                        assert!(!written.contains(&slot), "{what}: {slot:?} is written twice");
+                    }
+                    BindingKind::Taps => assert_eq!(resource.role, Role::Taps),
+                }
+            }
+            written.extend(stored.iter().map(|(_, r, _)| r.slot));
+        }
+        let shown = program.shown;
+        let shown = [shown.composite, shown.direct, shown.matte, shown.glossy];
+        for index in shown.into_iter().flatten() {
+            let resource = &program.resources[index];
+            assert!(resource.role == Role::Input || written.contains(&resource.slot), "{what}: {:?}", resource.slot);
+        }
+    });
+}
+
+#[test]
+fn floors_follow_from_bytes_and_bandwidth() {
+    let program = program(&Settings::default(), Contents::USUAL, Storage::Half, true);
+    let stage = Stage::MattePrefilter;
+    let bytes = f64::from(program.bytes_per_pixel(stage).unwrap());
+    let floor = program.floor_ms(stage, 1_000_000, 1e12).unwrap();
+    assert!((floor - bytes * 1e-3).abs() < 1e-12, "{floor}");
+}
