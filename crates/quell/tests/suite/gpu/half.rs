@@ -122,3 +122,44 @@ fn fused_passes_agree_with_single_ones() {
         }
     }
 }
+
+/// A change planted in `storage/half.wgsl` that the named comparison must see.
+const PLANTED: &[(&str, &str, &str)] = &[
+    ("4", "(high << vec2u(NORMAL_LOW_BITS)) | low", "low"),
+    ("4", "return skin.x & 0xffffu;", "return 0u;"),
+    ("3", "select(value, -value, (code >> 19u) != 0u)", "value"),
+    ("3", "((bits.y & 0xffu) << 12u)", "((bits.y & 0xffu) << 11u)"),
+    ("3", "f32(bits.y >> 24u) / CONFIDENCE_STEPS", "1.0"),
+    ("8", "select(ratio * depth, FAR, ratio >= HALF_MAX)", "ratio"),
+    ("9", "& 1023u) / ROUGHNESS_STEPS", "& 1023u) / 1000.0"),
+    // Two steps up instead of to the nearest.
+    ("6", "bits + 0xfffu + ((bits >> vec3u(13u)) & vec3u(1u))", "bits + 0x5fffu"),
+];
+
+#[test]
+fn every_change_planted_in_the_packing_is_seen() {
+    let Some(gpu) = gpu() else { return };
+    for (name, from, to) in PLANTED {
+        let case = CASES.iter().find(|c| c.name == *name).unwrap();
+        let settings = settings_with(case.changes);
+        let mut kernel = None;
+        let all = scenes();
+        let mut kinds = all.iter().flat_map(|(_, scene)| [(scene, false), (scene, true)]);
+        let seen = kinds.any(|(scene, odd)| {
+            let mut inputs = Inputs::new(scene, SIZE, |frame| {
+                if odd {
+                    unusual(frame);
+                }
+            });
+            inputs.storage = Storage::Half;
+            let job = (case.job)(&inputs, &settings);
+            let kernel = kernel.get_or_insert_with(|| {
+                let source = job.pass.source(Storage::Half, false);
+                assert!(source.contains(from), "`{from}` is not there");
+                Kernel::with_source(&gpu.device, job.pass, Storage::Half, &source.replacen(from, to, 1))
+            });
+            compare(&job.expected, &gpu.run(kernel, &job), if odd { GUIDED } else { STAGE }).is_err()
+        });
+        assert!(seen, "{name}: `{from}` made `{to}` went unseen");
+    }
+}
