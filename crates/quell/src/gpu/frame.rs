@@ -83,7 +83,9 @@ impl Guides<'_> {
 }
 
 /// A further colour plane that is filtered with the very weights and choices of one signal, so that planes that added up
-/// before still add up. Each costs the signal's stages once more, and its own history.
+/// before still add up. Each costs the signal's dispatches once more, which work out lookups, weights and choices anew: in
+/// half storage 196 bytes a pixel for a matte one (5 dispatches), 148 for a glossy one (3); stages 5 and 6 are not fused
+/// while there is a matte one.
 #[derive(Clone, Copy, Debug)]
 pub struct JointPlane<'a> {
     /// What history is known by: another list of names is a cut for the signal.

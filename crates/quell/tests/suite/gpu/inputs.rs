@@ -128,6 +128,47 @@ impl Inputs {
         job
     }
 
+    /// A plane tied to a signal: a share of it that differs from pixel to pixel.
+    fn tied(&self, signal: Signal, i: usize) -> Plane<Rgb> {
+        let light = self.signal(signal, i);
+        let share = |x: usize, y: usize, c: usize| 0.2 + 0.1 * ((5 * x + 3 * y + 7 * c + i) % 7) as f32;
+        Plane::from_fn(light.size(), |x, y| [0, 1, 2].map(|c| light.at(x, y)[c] * share(x, y, c)))
+    }
+
+    /// Stage 3 or 8 of a plane tied to its signal.
+    pub fn temporal_joint(&self, signal: Signal, settings: &Settings) -> Job {
+        let (pass, run): (Pass, Run) = match signal {
+            Signal::Matte => (Pass::MATTE_TEMPORAL_JOINT, matte_temporal::reference::run),
+            Signal::Glossy => (Pass::GLOSSY_TEMPORAL_JOINT, glossy_temporal::reference::run),
+        };
+        let planes = |i| [self.signal(signal, i), self.tied(signal, i)];
+        let mut last: Option<Temporal> = None;
+        for i in 0..BEFORE {
+            let remembered =
+                last.as_ref().map(|t| Remembered { planes: &t.planes, length: &t.length, guides: &self.guides[i - 1] });
+            last = Some(run(&planes(i), remembered, &self.guides[i], settings));
+        }
+        let history = last.unwrap();
+        let remembered = Remembered { planes: &history.planes, length: &history.length, guides: self.before() };
+        let [current, own] = planes(BEFORE);
+        let mut inputs: Vec<Vec<u8>> = self.guide_planes().into_iter().chain(self.guide_planes_before()).collect();
+        inputs.extend([colour_bytes(&current), colour_bytes(&history.planes[0]), number_bytes(&history.length)]);
+        inputs.extend([colour_bytes(&own), colour_bytes(&history.planes[1])]);
+        let mut temporal = run(&[current, own], Some(remembered), self.now(), settings);
+        let mut job = self.job(pass, settings, inputs, temporal.planes.split_off(1));
+        job.expected.scalars = vec![("confidence", temporal.confidence)];
+        job
+    }
+
+    /// Stage 6 of a plane tied to the matte signal.
+    pub fn firefly_joint(&self, settings: &Settings) -> Job {
+        let planes = [self.signal(Signal::Matte, BEFORE), self.tied(Signal::Matte, BEFORE)];
+        let output = firefly::reference::run(&planes, self.now(), &settings.firefly).split_off(1);
+        let [geometry, ..] = self.guide_planes();
+        let [input, own] = planes.each_ref().map(colour_bytes);
+        self.job(Pass::FIREFLY_JOINT, settings, vec![geometry, input, own], output)
+    }
+
     fn accumulated(&self, settings: &Settings) -> Temporal {
         let history = self.history(Signal::Matte, matte_temporal::reference::run, settings);
         let remembered = Remembered { planes: &history.planes, length: &history.length, guides: self.before() };
