@@ -42,6 +42,7 @@
 //! All are good guests: they take the caller's device and encoder, never submit, block, poll or read back, and ask for no
 //! feature and no limit beyond WebGPU's defaults.
 
+mod builder;
 mod compute;
 mod convention;
 mod debug;

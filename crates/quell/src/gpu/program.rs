@@ -4,10 +4,11 @@
 //! A resource that alternates has two copies. Frame by frame the denoiser's turn changes between 0 and 1: what is bound
 //! as `before` is the copy that the frame before wrote, every other binding is the copy of this turn.
 
-use super::pass::{Binding, BindingKind, Pass};
+use super::builder::Builder;
+use super::pass::{Binding, Pass};
 use super::storage::{Storage, Texel};
 use crate::frame::Signal;
-use crate::pipeline::{Image, Inputs, Plan, Stage, Step};
+use crate::pipeline::{Image, Inputs, Plan, Stage};
 
 /// What a frame has of one signal.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -92,7 +93,7 @@ impl Slot {
         }
     }
 
-    const fn alternates(self) -> bool {
+    pub(super) const fn alternates(self) -> bool {
         matches!(
             self,
             Self::Geometry
@@ -104,7 +105,7 @@ impl Slot {
         )
     }
 
-    const fn is_input(self) -> bool {
+    pub(super) const fn is_input(self) -> bool {
         matches!(
             self,
             Self::Image(Image::MatteInput | Image::GlossyInput | Image::DirectInput)
@@ -212,7 +213,7 @@ pub struct Program {
 impl Program {
     /// The program of a plan. `fuse`: stages that can share a pass do; else each has its own.
     pub fn new(plan: &Plan, contents: Contents, storage: Storage, fuse: bool) -> Self {
-        Builder { plan, contents, resources: Vec::new() }.build(storage, fuse)
+        Builder::new(plan, contents).build(storage, fuse)
     }
 
     /// Bytes a pixel that a dispatch moves: each plane once that it reads or writes (host's colours as if they were in
@@ -259,8 +260,7 @@ impl Program {
 
     /// Where an image of the plan lies that this program makes; inputs are the host's.
     pub(super) fn slot_of(&self, plan: &Plan, image: Image) -> Option<Slot> {
-        let builder = Builder { plan, contents: Contents::USUAL, resources: Vec::new() };
-        let slot = builder.place(image).0;
+        let slot = Builder::new(plan, Contents::USUAL).place(image).0;
         self.resources.iter().find(|r| r.slot == slot && r.role != Role::Input).map(|r| r.slot)
     }
 
@@ -268,249 +268,5 @@ impl Program {
     pub fn bindings<'a>(&'a self, dispatch: &'a Dispatch) -> impl Iterator<Item = (&'a Binding, &'a Resource, bool)> {
         let bound = dispatch.bound.iter().filter_map(|b| Some((self.resources.get(b.resource)?, b.before)));
         dispatch.pass.bindings.iter().zip(bound).map(|(binding, (resource, before))| (binding, resource, before))
-    }
-}
-
-/// A resource and which copy.
-type Place = (Slot, bool);
-
-struct Builder<'a> {
-    plan: &'a Plan,
-    contents: Contents,
-    resources: Vec<Resource>,
-}
-
-const GUIDES: [Place; 3] = [(Slot::Geometry, false), (Slot::Surface, false), (Slot::Moving, false)];
-const GUIDES_BEFORE: [Place; 2] = [(Slot::Geometry, true), (Slot::Surface, true)];
-
-impl Builder<'_> {
-    fn build(mut self, storage: Storage, fuse: bool) -> Program {
-        let plan = self.plan;
-        let step = |stage| plan.steps.iter().find(|s| s.stage == stage);
-        let both_temporal = step(Stage::MatteTemporal).zip(step(Stage::GlossyTemporal)).filter(|_| fuse);
-        let blend_and_median = step(Stage::Disocclusion)
-            .zip(step(Stage::Firefly))
-            // What shares stage 6's choice has to see what stage 6 saw.
-            .filter(|(blend, median)| fuse && median.input == blend.output && self.contents.joint[0] == 0);
-        let mut dispatches = Vec::new();
-        for step in &plan.steps {
-            let (pass, places) = match (step.stage, both_temporal, blend_and_median) {
-                (Stage::MatteTemporal, Some((matte, glossy)), _) => (Pass::TEMPORAL, {
-                    let guides = GUIDES.into_iter().chain(GUIDES_BEFORE);
-                    guides.chain(self.accumulating(matte)).chain(self.accumulating(glossy)).collect()
-                }),
-                (Stage::Disocclusion, _, Some((blend, median))) => {
-                    let mut places = self.blending(blend);
-                    places.extend([self.floored(), self.place(median.output)]);
-                    (Pass::DISOCCLUSION_FIREFLY, places)
-                }
-                // Done by the pass of stage 3, or 5.
-                (Stage::GlossyTemporal, Some(_), _) | (Stage::Firefly, _, Some(_)) => {
-                    dispatches.extend(self.joint(step));
-                    continue;
-                }
-                _ => (Pass::of(step.stage), self.single(step)),
-            };
-            dispatches.push(self.dispatch(step, pass, places));
-            dispatches.extend(self.joint(step));
-        }
-        let shown = self.shown();
-        let joint = self.shown_joint();
-        self.set_roles(&shown, &joint);
-        Program { storage, resources: self.resources, dispatches, shown, joint }
-    }
-
-    fn dispatch(&mut self, step: &Step, pass: Pass, places: Vec<Place>) -> Dispatch {
-        let bound = places.into_iter().zip(pass.bindings).map(|(place, b)| self.bind(place, b)).collect();
-        Dispatch { pass, host_input: self.filters_host_image(step), bound }
-    }
-
-    /// The dispatches of a step for the planes that are tied to its signal: after the signal's own.
-    fn joint(&mut self, step: &Step) -> Vec<Dispatch> {
-        let signal = match step.stage {
-            Stage::GlossyTemporal | Stage::GlossyHorizontal | Stage::GlossyVertical => Signal::Glossy,
-            Stage::DirectTaa | Stage::Composite => return Vec::new(),
-            _ => Signal::Matte,
-        };
-        let count = self.contents.joint[signal as usize];
-        (0..count)
-            .map(|index| {
-                let own = |place: Place| match place {
-                    (Slot::Image(image), before) => (Slot::Joint { signal, index, image }, before),
-                    shared => shared,
-                };
-                let (input, output) = (self.place(step.input), self.place(step.output));
-                let (pass, places) = match step.stage {
-                    Stage::MatteTemporal | Stage::GlossyTemporal => {
-                        let [current, history, length, ..] = self.accumulating(step);
-                        let planes = [current, history, length, own(current), own(history), own(output)];
-                        let pass = match signal {
-                            Signal::Matte => Pass::MATTE_TEMPORAL_JOINT,
-                            Signal::Glossy => Pass::GLOSSY_TEMPORAL_JOINT,
-                        };
-                        (pass, GUIDES.into_iter().chain(GUIDES_BEFORE).chain(planes).collect())
-                    }
-                    Stage::Firefly => (Pass::FIREFLY_JOINT, vec![GUIDES[0], input, own(input), own(output)]),
-                    _ => (Pass::of(step.stage), self.single(step).into_iter().map(own).collect()),
-                };
-                self.dispatch(step, pass, places)
-            })
-            .collect()
-    }
-
-    /// Where an image of the plan lies.
-    fn place(&self, image: Image) -> Place {
-        let plan = self.plan;
-        let remembered = |history| (Slot::Image(history), false);
-        match image {
-            Image::MatteHistory | Image::GlossyHistory | Image::DirectHistory => (Slot::Image(image), true),
-            image if plan.matte_feedback == Some(image) => remembered(Image::MatteHistory),
-            image if plan.glossy_feedback == Some(image) => remembered(Image::GlossyHistory),
-            Image::DirectAntialiased => remembered(Image::DirectHistory),
-            image => (Slot::Image(image), false),
-        }
-    }
-
-    /// The history of stage 3 or 8, and the slot of its length.
-    const fn history_of(stage: Stage) -> (Image, Slot) {
-        match stage {
-            Stage::GlossyTemporal => (Image::GlossyHistory, Slot::GlossyLength),
-            _ => (Image::MatteHistory, Slot::MatteLength),
-        }
-    }
-
-    /// What stages 3 and 8 bind after the guides.
-    fn accumulating(&self, step: &Step) -> [Place; 5] {
-        let (history, length) = Self::history_of(step.stage);
-        [self.place(step.input), self.place(history), (length, true), self.place(step.output), (length, false)]
-    }
-
-    /// What stage 5 reads.
-    fn blending(&self, step: &Step) -> Vec<Place> {
-        let prefiltered = step.also_reads.first().copied().unwrap_or(step.input);
-        vec![self.place(step.input), self.place(prefiltered)]
-    }
-
-    fn floored(&self) -> Place {
-        self.place(Image::MatteFloored)
-    }
-
-    /// The bindings of a stage's own pass.
-    fn single(&self, step: &Step) -> Vec<Place> {
-        let (input, output) = (self.place(step.input), self.place(step.output));
-        let guides = GUIDES.into_iter();
-        match step.stage {
-            Stage::MatteTemporal | Stage::GlossyTemporal => {
-                guides.chain(GUIDES_BEFORE).chain(self.accumulating(step)).collect()
-            }
-            Stage::MattePrefilter => guides.take(2).chain([(Slot::PrefilterTaps, false), input, output]).collect(),
-            Stage::MatteBilateral => guides.take(2).chain([(Slot::BilateralTaps, false), input, output]).collect(),
-            Stage::Disocclusion => {
-                let mut places = self.blending(step);
-                places.extend([output, self.floored()]);
-                places
-            }
-            Stage::Firefly => guides.take(1).chain([input, output]).collect(),
-            Stage::GlossyHorizontal | Stage::GlossyVertical => guides.chain([input, output]).collect(),
-            Stage::DirectTaa => {
-                vec![(Slot::Geometry, false), (Slot::Moving, false), input, self.place(Image::DirectHistory), output]
-            }
-            Stage::Composite => {
-                let (plan, contents) = (self.plan, self.contents);
-                // What the frame lacks is not read: any colour will do.
-                let any = match (contents.direct, contents.matte) {
-                    (true, _) => input,
-                    (false, Some(_)) => self.place(plan.matte_output),
-                    (false, None) => self.place(plan.glossy_output),
-                };
-                let or_any = |there: bool, place: Place| if there { place } else { any };
-                let of = |signal: Option<SignalContents>| {
-                    (signal.is_some(), signal.is_some_and(|s| s.direct), signal.is_some_and(|s| s.weight))
-                };
-                let (matte, glossy) = (of(contents.matte), of(contents.glossy));
-                vec![
-                    or_any(contents.direct, input),
-                    or_any(matte.0, self.place(plan.matte_output)),
-                    or_any(glossy.0, self.place(plan.glossy_output)),
-                    or_any(matte.1, (Slot::DirectMatte, false)),
-                    or_any(glossy.1, (Slot::DirectGlossy, false)),
-                    or_any(matte.2, (Slot::MatteWeight, false)),
-                    or_any(glossy.2, (Slot::GlossyWeight, false)),
-                    output,
-                ]
-            }
-        }
-    }
-
-    /// Whether a filter, that elsewhere reads what another stage wrote, reads the host's own image.
-    fn filters_host_image(&self, step: &Step) -> bool {
-        let can_come_first =
-            !matches!(step.stage, Stage::MatteTemporal | Stage::GlossyTemporal | Stage::DirectTaa | Stage::Composite);
-        can_come_first && self.place(step.input).0.is_input()
-    }
-
-    fn bind(&mut self, (slot, before): Place, binding: &Binding) -> Bound {
-        let texel = match binding.kind {
-            BindingKind::Sampled(texel) | BindingKind::Stored(texel) => Some(texel),
-            BindingKind::Taps => None,
-        };
-        Bound { resource: self.index(slot, texel), before }
-    }
-
-    fn index(&mut self, slot: Slot, texel: Option<Texel>) -> usize {
-        if let Some(index) = self.resources.iter().position(|r| r.slot == slot) {
-            return index;
-        }
-        let role = match slot {
-            Slot::Geometry | Slot::Surface | Slot::Moving => Role::Guides,
-            Slot::PrefilterTaps | Slot::BilateralTaps => Role::Taps,
-            slot if slot.is_input() => Role::Input,
-            slot if slot.alternates() => Role::Persistent,
-            _ => Role::Transient,
-        };
-        self.resources.push(Resource { slot, texel, role, alternates: slot.alternates() });
-        self.resources.len() - 1
-    }
-
-    fn shown(&mut self) -> Shown {
-        let (plan, contents) = (self.plan, self.contents);
-        let mut image = |image| {
-            let slot = self.place(image).0;
-            self.index(slot, Some(Texel::Colour))
-        };
-        let composite = plan.runs(Stage::Composite).then(|| image(Image::Composite));
-        let direct = contents.direct.then(|| image(plan.direct_output));
-        let matte = contents.matte.map(|_| image(plan.matte_output));
-        let glossy = contents.glossy.map(|_| image(plan.glossy_output));
-        let temporal = [Stage::MatteTemporal, Stage::GlossyTemporal]
-            .into_iter()
-            .find_map(|stage| plan.steps.iter().find(|s| s.stage == stage));
-        let confidence = temporal.map(|step| image(step.output));
-        let length = temporal.map(|step| self.index(Self::history_of(step.stage).1, Some(Texel::Number)));
-        Shown { composite, direct, matte, glossy, confidence, length }
-    }
-
-    fn shown_joint(&mut self) -> [Vec<usize>; 2] {
-        Signal::ALL.map(|signal| {
-            let image = match signal {
-                Signal::Matte => self.plan.matte_output,
-                Signal::Glossy => self.plan.glossy_output,
-            };
-            let image = match self.place(image).0 {
-                Slot::Image(image) => image,
-                _ => image,
-            };
-            let count = self.contents.joint[signal as usize];
-            (0..count).map(|index| self.index(Slot::Joint { signal, index, image }, Some(Texel::Colour))).collect()
-        })
-    }
-
-    fn set_roles(&mut self, shown: &Shown, joint: &[Vec<usize>; 2]) {
-        let indices = [shown.composite, shown.direct, shown.matte, shown.glossy, shown.confidence];
-        for index in indices.into_iter().flatten().chain(joint.iter().flatten().copied()) {
-            if let Some(resource) = self.resources.get_mut(index).filter(|r| r.role == Role::Transient) {
-                resource.role = Role::Output;
-            }
-        }
     }
 }
