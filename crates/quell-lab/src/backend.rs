@@ -1,8 +1,10 @@
 //! Which back end filters frames that lie in memory: one face for those on the CPU and the one on the GPU.
 
 use crate::error::Error;
-use quell::pipeline::{Plan, Stage};
+use quell::pipeline::{Inputs, Stage};
+use quell::report::StageTimes;
 use quell::{Frame, Output, Settings, Size};
+use std::time::Duration;
 
 /// A back end, ready to run.
 #[derive(Clone, Debug)]
@@ -34,13 +36,15 @@ impl Backend {
         }
     }
 
-    /// Bytes a pixel that a stage reads and writes, each plane once for every pass over it, for a frame with all planes
-    /// and no joint passes. `None`: the stage does not run, or nobody has counted.
-    pub fn bytes_per_pixel(&self, plan: &Plan, settings: &Settings, stage: Stage) -> Option<u32> {
+    /// Gigabytes a second that copying reaches on a GPU; `None`: it is the CPU.
+    ///
+    /// # Errors
+    /// What the device reports.
+    pub fn copy_speed(&self) -> Result<Option<f64>, Error> {
         match self {
-            Self::Cpu(backend) => backend.bytes_per_pixel(plan, settings, stage),
+            Self::Cpu(_) => Ok(None),
             #[cfg(feature = "gpu")]
-            Self::Gpu(_) => None,
+            Self::Gpu(gpu) => Ok(Some(crate::gpu::copy_speed(gpu)?)),
         }
     }
 
@@ -50,7 +54,9 @@ impl Backend {
     /// A size or a setting that the back end refuses; memory.
     pub fn denoiser(&self, size: Size, settings: &Settings) -> Result<Denoiser, Error> {
         Ok(match self {
-            Self::Cpu(backend) => Denoiser::Cpu(Box::new(quell::Denoiser::with_backend(size, settings, *backend)?)),
+            Self::Cpu(backend) => {
+                Denoiser::Cpu(*backend, Box::new(quell::Denoiser::with_backend(size, settings, *backend)?))
+            }
             #[cfg(feature = "gpu")]
             Self::Gpu(gpu) => Denoiser::Gpu(Box::new(crate::gpu::Denoiser::new(gpu.clone(), size, settings)?)),
         })
@@ -61,7 +67,7 @@ impl Backend {
 #[derive(Debug)]
 pub enum Denoiser {
     /// On the CPU.
-    Cpu(Box<quell::Denoiser>),
+    Cpu(quell::Backend, Box<quell::Denoiser>),
     /// On a GPU.
     #[cfg(feature = "gpu")]
     Gpu(Box<crate::gpu::Denoiser>),
@@ -74,16 +80,56 @@ impl Denoiser {
     /// What [`quell::Frame::check`] finds; on a GPU joint passes, and what the device reports.
     pub fn denoise(&mut self, frame: &Frame<'_>) -> Result<Output<'_>, Error> {
         match self {
-            Self::Cpu(denoiser) => Ok(denoiser.denoise(frame)?),
+            Self::Cpu(_, denoiser) => Ok(denoiser.denoise(frame)?),
             #[cfg(feature = "gpu")]
             Self::Gpu(denoiser) => Ok(denoiser.denoise(frame)?),
+        }
+    }
+
+    /// Filters the next frame to see how long it takes: the times of its stages; and on a GPU, where uploading does not
+    /// count and nothing is read back, the wall time from encoding to its end.
+    ///
+    /// # Errors
+    /// As [`Denoiser::denoise`].
+    pub fn time(&mut self, frame: &Frame<'_>) -> Result<(StageTimes, Option<Duration>), Error> {
+        match self {
+            Self::Cpu(_, denoiser) => Ok((denoiser.denoise(frame)?.report.times, None)),
+            #[cfg(feature = "gpu")]
+            Self::Gpu(denoiser) => {
+                denoiser.upload(frame)?;
+                let ran = denoiser.run()?;
+                Ok((ran.times, Some(ran.wall)))
+            }
+        }
+    }
+
+    /// Frames before times are steady: those of a GPU whose clock has to rise.
+    pub const fn warm_up_frames(&self) -> usize {
+        match self {
+            Self::Cpu(..) => 1,
+            #[cfg(feature = "gpu")]
+            Self::Gpu(_) => 8,
+        }
+    }
+
+    /// Bytes a pixel that a stage reads and writes, each plane once for every pass over it, for a frame with all planes
+    /// and no joint passes; on a GPU as the last frame ran, and of stages that share a pass the first has all.
+    /// `None`: the stage does not run, or nobody has counted.
+    pub fn bytes_per_pixel(&self, stage: Stage) -> Option<u32> {
+        match self {
+            Self::Cpu(backend, denoiser) => {
+                let plan = denoiser.plan(Inputs { jitter: false, ..Inputs::ALL });
+                backend.bytes_per_pixel(&plan, denoiser.settings(), stage)
+            }
+            #[cfg(feature = "gpu")]
+            Self::Gpu(denoiser) => denoiser.bytes_per_pixel(stage),
         }
     }
 
     /// Forgets history: the next frame starts afresh.
     pub fn reset(&mut self) {
         match self {
-            Self::Cpu(denoiser) => denoiser.reset(),
+            Self::Cpu(_, denoiser) => denoiser.reset(),
             #[cfg(feature = "gpu")]
             Self::Gpu(denoiser) => denoiser.reset(),
         }

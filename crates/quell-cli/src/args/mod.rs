@@ -7,6 +7,7 @@ pub mod doctor;
 pub mod environment;
 pub mod ranges;
 pub mod scene;
+pub mod shaders;
 pub mod values;
 
 use clap::{Args, Parser, Subcommand};
@@ -18,6 +19,7 @@ use quell::Size;
 use quell_trace::Estimator;
 use ranges::Frames;
 use scene::SceneArgs;
+pub use shaders::ShadersArgs;
 use std::path::PathBuf;
 use values::{BackendChoice, Setting};
 
@@ -95,6 +97,7 @@ pub enum Command {
     Bench(BenchArgs),
     Reproduce(ReproduceArgs),
     Explain(ExplainArgs),
+    Shaders(ShadersArgs),
 }
 
 /// Render, denoise and show a built-in scene: pictures, a page, a table
@@ -230,7 +233,7 @@ pub struct ScoreArgs {
 
 /// Measure the time of each stage beside the paper's table; with --scene also the rays a second
 #[derive(Debug, Args)]
-#[command(before_help = "Example: quell bench --size 1280x720,5120x2880")]
+#[command(before_help = "Example: quell bench --backend gpu --size 1280x720,1920x1080,3840x2160,5120x2880 --json")]
 pub struct BenchArgs {
     /// Trace this glTF file or built-in scene [default: frames that are made up]
     #[arg(long, value_name = "SCENE")]
@@ -241,9 +244,12 @@ pub struct BenchArgs {
     #[arg(long, value_name = "WIDTHxHEIGHT", default_value = "1280x720", value_delimiter = ',',
           value_parser = values::size)]
     pub size: Vec<Size>,
-    /// Frames to measure, after one to warm up; fewer where they take longer than a minute
+    /// Frames to measure, after one to warm up (on a GPU 8); fewer where they take longer than a minute
     #[arg(long, value_name = "N", default_value = "10", value_parser = values::at_least_one::<u32>)]
     pub count: u32,
+    /// What the memory moves, for the floors [default: what copying reaches]
+    #[arg(long, value_name = "GB/s", value_parser = values::positive)]
+    pub bandwidth: Option<f32>,
 }
 
 /// Make the talk's tables and figures anew: stage times, the offline table, the ablations, more paths

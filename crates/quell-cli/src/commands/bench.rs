@@ -13,14 +13,15 @@ use crate::progress::Progress;
 use crate::scene;
 use crate::sequence::FIRST_FRAME;
 use crate::sequence::times::{StageClock, paper_number};
-use quell::pipeline::{Inputs, Plan, Stage};
+use quell::pipeline::Stage;
 use quell::{FrameBuf, Size};
 use quell_lab::backend::Backend;
-use quell_lab::report::StageTime;
 use quell_lab::report::document::Section;
 use quell_lab::report::table::Table;
+use quell_lab::report::{Machine, Spread, StageTime};
 use quell_trace::{Control, RenderOptions, Tracer};
 use serde_json::{Map, Value, json};
+use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
 
 /// Beyond this, fewer frames are measured than asked for.
@@ -40,7 +41,7 @@ pub fn run(context: &Context, args: BenchArgs) -> Result<(), Failure> {
     }
     let backend = context.backend()?;
     let mut report = context.report();
-    let gigabytes_a_second = copy_speed();
+    let bandwidth = Bandwidth::of(backend, args.bandwidth)?;
     let mut text = String::new();
     let mut runs = Vec::new();
     for &size in &args.size {
@@ -54,20 +55,20 @@ pub fn run(context: &Context, args: BenchArgs) -> Result<(), Failure> {
             None => synthetic::frame(size),
         };
         let measured = measure(context, &mut frame, &args)?;
-        let stages = with_floors(measured.clock.stages(), context, backend, size, gigabytes_a_second);
+        let stages = with_floors(&measured, &bandwidth, size);
         let sum = |f: &dyn Fn(&StageTime) -> Option<f64>| stages.iter().filter_map(f).sum::<f64>();
         let filters: f64 = sum(&|s| s.paper_stage.map(|_| s.milliseconds.median));
         let whole: f64 = sum(&|s| Some(s.milliseconds.median));
         text.push_str(&format!(
-            "{size}, {} frames, back end {}, {} thread{}, {}\n\n{}\n",
+            "{size}, {} frames, back end {}, {}\n\n",
             measured.frames,
             backend.name(),
-            report.machine.threads,
-            if report.machine.threads == 1 { "" } else { "s" },
-            report.machine.instruction_set,
-            table(&stages, size)
+            backend.adapter().unwrap_or_else(|| cpu(&report.machine)),
         ));
-        text.push_str(&format!("stages 3 to 11: {filters:.1} ms a frame; with border and composite: {whole:.1} ms\n"));
+        if !stages.is_empty() {
+            text.push_str(&format!("{}\n", table(&stages, size)));
+        }
+        text.push_str(&measured.sentence(filters, whole));
         if let Some(peak) = peak_memory() {
             text.push_str(&format!(
                 "peak memory of the process so far: {:.2} GiB\n",
@@ -88,7 +89,8 @@ pub fn run(context: &Context, args: BenchArgs) -> Result<(), Failure> {
             "frames": measured.frames,
             "stages": stages,
             "stages_3_to_11_ms": filters,
-            "frame_ms": whole,
+            "frame_ms": measured.frame.map_or(whole, |frame| frame.median),
+            "bytes_per_pixel": measured.bytes.iter().map(|(stage, bytes)| (stage.name(), *bytes)).collect::<BTreeMap<_, _>>(),
             "peak_memory_bytes": peak_memory(),
             "rays": rays.map(|r| json!({
                 "per_second": r.per_second, "per_pixel": r.per_pixel, "milliseconds": r.milliseconds,
@@ -99,24 +101,28 @@ pub fn run(context: &Context, args: BenchArgs) -> Result<(), Failure> {
         }
     }
     text.push_str(&format!(
-        "floor: the bytes that the cpu back end reads and writes in a stage, each plane once for every pass over it, at the \
-         {gigabytes_a_second:.1} GB/s that copying reaches here.\npaper: a GPU of 2017 at {PAPER_SIZE}, from the talk."
+        "floor: the bytes that the {} back end reads and writes in a stage, each plane once for every pass over it, at the \
+         {:.1} GB/s that {}.\npaper: a GPU of 2017 at {PAPER_SIZE}, from the talk.",
+        backend.name(),
+        bandwidth.gigabytes_a_second,
+        if bandwidth.given { "were given" } else { "copying reaches here" }
     ));
     report.settings.insert("size".to_owned(), args.size.iter().map(Size::to_string).collect::<Vec<_>>().into());
     report.settings.insert("scene".to_owned(), args.scene.map_or(Value::Null, Value::from));
     let mut further = Map::new();
     further.insert("sizes".to_owned(), runs.into());
-    further.insert("copy_gigabytes_per_second".to_owned(), gigabytes_a_second.into());
+    let name = if bandwidth.given { "gigabytes_per_second" } else { "copy_gigabytes_per_second" };
+    further.insert(name.to_owned(), bandwidth.gigabytes_a_second.into());
     context.finish(&report, further, &text)
 }
 
 /// The talk's table of stages at one extent, as a section of a page.
 pub fn section(context: &Context, size: Size) -> Result<(Section, Vec<StageTime>), Failure> {
-    let args =
-        BenchArgs { scene: None, environment: EnvironmentArgs::default(), size: vec![size], count: SECTION_FRAMES };
+    let environment = EnvironmentArgs::default();
+    let args = BenchArgs { scene: None, environment, size: vec![size], count: SECTION_FRAMES, bandwidth: None };
     let measured = measure(context, &mut synthetic::frame(size), &args)?;
     let backend = context.backend()?;
-    let stages = with_floors(measured.clock.stages(), context, backend, size, copy_speed());
+    let stages = with_floors(&measured, &Bandwidth::of(backend, None)?, size);
     let section = Section {
         heading: "Stage times".to_owned(),
         text: vec![format!(
@@ -133,16 +139,46 @@ pub fn section(context: &Context, size: Size) -> Result<(Section, Vec<StageTime>
 struct Measured {
     clock: StageClock,
     frames: usize,
+    /// On a GPU: wall time of a frame from encoding to its end, milliseconds; uploading and reading back left out.
+    frame: Option<Spread>,
+    /// Bytes a pixel of each stage that runs, where they are counted.
+    bytes: Vec<(Stage, u32)>,
 }
 
-/// Denoises the frame again and again as if it were a sequence; the first is not counted.
+impl Measured {
+    fn sentence(&self, filters: f64, whole: f64) -> String {
+        match self.frame {
+            None => format!("stages 3 to 11: {filters:.1} ms a frame; with border and composite: {whole:.1} ms\n"),
+            Some(frame) => {
+                let stages = match filters {
+                    0.0 => "this adapter has no timestamps".to_owned(),
+                    some => format!("stages 3 to 11: {some:.3} ms a frame"),
+                };
+                let bytes: u32 = self.bytes.iter().filter(|(s, _)| is_3_to_10(*s)).map(|(_, b)| b).sum();
+                format!(
+                    "{stages}; from encoding to the end of a frame, without upload and read back: {:.3} ms ({:.3} to {:.3})\n\
+                     bytes a pixel of stages 3 to 10: {bytes}\n",
+                    frame.median, frame.min, frame.max
+                )
+            }
+        }
+    }
+}
+
+fn is_3_to_10(stage: Stage) -> bool {
+    paper_number(stage).is_some_and(|number| (3..=10).contains(&number))
+}
+
+/// Denoises the frame again and again as if it were a sequence; the first are not counted.
 fn measure(context: &Context, frame: &mut FrameBuf, args: &BenchArgs) -> Result<Measured, Failure> {
     let mut denoiser = context.backend()?.denoiser(frame.size, &context.settings)?;
     let mut clock = StageClock::default();
-    let progress = Progress::new("frame", args.count as usize + 1, context.quiet);
+    let mut walls = Vec::new();
+    let warm_up = denoiser.warm_up_frames();
+    let progress = Progress::new("frame", args.count as usize + warm_up, context.quiet);
     let begin = Instant::now();
     let mut frames = 0;
-    for index in 0..=args.count as usize {
+    for index in 0..args.count as usize + warm_up {
         if interrupt::asked() {
             return Err(Failure::Interrupted(format!("after {frames} of {} frames", args.count)));
         }
@@ -150,17 +186,20 @@ fn measure(context: &Context, frame: &mut FrameBuf, args: &BenchArgs) -> Result<
         if args.scene.is_none() {
             synthetic::renew(frame);
         }
-        let times = denoiser.denoise(&frame.frame(&[]))?.report.times;
+        let (times, wall) = denoiser.time(&frame.frame(&[]))?;
         progress.done(index);
-        if index > 0 {
+        if index >= warm_up {
             clock.add(&times);
+            walls.extend(wall.map(|wall| wall.as_secs_f64() * 1e3));
             frames += 1;
             if begin.elapsed() > LONGEST && frames >= LEAST_FRAMES {
                 break;
             }
         }
     }
-    Ok(Measured { clock, frames })
+    let counted = |stage| denoiser.bytes_per_pixel(stage).map(|bytes| (stage, bytes));
+    let bytes = Stage::ALL.into_iter().filter_map(counted).collect();
+    Ok(Measured { clock, frames, frame: Spread::of(walls), bytes })
 }
 
 struct Rays {
@@ -200,23 +239,38 @@ fn traced(
     Ok((rendered.frame, rays))
 }
 
-fn with_floors(
-    stages: Vec<StageTime>,
-    context: &Context,
-    backend: &Backend,
-    size: Size,
-    gigabytes_a_second: f64,
-) -> Vec<StageTime> {
-    let jitter = stages.iter().any(|s| s.name == Stage::DirectTaa.name());
-    let plan = Plan::new(&context.settings, Inputs { jitter, ..Inputs::ALL });
+fn with_floors(measured: &Measured, bandwidth: &Bandwidth, size: Size) -> Vec<StageTime> {
     let with_floor = |mut stage: StageTime| {
-        let known = Stage::ALL.into_iter().find(|s| s.name() == stage.name);
-        let bytes = known.and_then(|s| backend.bytes_per_pixel(&plan, &context.settings, s));
-        stage.bytes_per_pixel = bytes.map(f64::from);
-        stage.floor_ms = stage.bytes_per_pixel.map(|b| b * size.pixels() as f64 / (gigabytes_a_second * 1e6));
+        let known = measured.bytes.iter().find(|(s, _)| s.name() == stage.name);
+        stage.bytes_per_pixel = known.map(|(_, bytes)| f64::from(*bytes));
+        let milliseconds = |bytes: f64| bytes * size.pixels() as f64 / (bandwidth.gigabytes_a_second * 1e6);
+        stage.floor_ms = stage.bytes_per_pixel.map(milliseconds);
         stage
     };
-    stages.into_iter().map(with_floor).collect()
+    measured.clock.stages().into_iter().map(with_floor).collect()
+}
+
+/// What floors are reckoned with.
+struct Bandwidth {
+    gigabytes_a_second: f64,
+    /// By the user; else measured.
+    given: bool,
+}
+
+impl Bandwidth {
+    fn of(backend: &Backend, given: Option<f32>) -> Result<Self, Failure> {
+        let gigabytes_a_second = match given {
+            Some(given) => f64::from(given),
+            None => backend.copy_speed()?.unwrap_or_else(copy_speed),
+        };
+        Ok(Self { gigabytes_a_second, given: given.is_some() })
+    }
+}
+
+/// What the stages ran on, in words.
+fn cpu(machine: &Machine) -> String {
+    let s = if machine.threads == 1 { "" } else { "s" };
+    format!("{} thread{s}, {}", machine.threads, machine.instruction_set)
 }
 
 /// The paper's table with ours beside it.
@@ -228,11 +282,11 @@ fn table(stages: &[StageTime], size: Size) -> Table {
         let known = Stage::ALL.into_iter().find(|s| s.name() == stage.name);
         table.push([
             known.map_or(stage.name.clone(), |s| format!("{:<26}{}", s.paper_stage(), s.name())),
-            format!("{:.2}", stage.milliseconds.median),
-            format!("{:.2}", stage.milliseconds.min),
-            format!("{:.2}", stage.milliseconds.max),
+            time(stage.milliseconds.median),
+            time(stage.milliseconds.min),
+            time(stage.milliseconds.max),
             optional(stage.bytes_per_pixel, 0),
-            optional(stage.floor_ms, 2),
+            stage.floor_ms.map_or("-".to_owned(), time),
             optional(known.and_then(Stage::paper_milliseconds).map(f64::from), 2),
         ]);
     }
@@ -240,14 +294,19 @@ fn table(stages: &[StageTime], size: Size) -> Table {
     let sum = |f: fn(&StageTime) -> Option<f64>| stages.iter().filter_map(f).sum::<f64>();
     table.push([
         "sum".to_owned(),
-        format!("{:.2}", sum(|s| Some(s.milliseconds.median))),
+        time(sum(|s| Some(s.milliseconds.median))),
         String::new(),
         String::new(),
         format!("{:.0}", sum(|s| s.bytes_per_pixel)),
-        format!("{:.2}", sum(|s| s.floor_ms)),
+        time(sum(|s| s.floor_ms)),
         format!("{:.2}", filters().filter_map(Stage::paper_milliseconds).map(f64::from).sum::<f64>()),
     ]);
     table
+}
+
+/// Milliseconds: a GPU's stages take microseconds.
+fn time(milliseconds: f64) -> String {
+    if milliseconds < 1.0 { format!("{milliseconds:.4}") } else { format!("{milliseconds:.2}") }
 }
 
 /// Gigabytes a second, read and written together, that copying reaches with all threads: the best of a few rounds.

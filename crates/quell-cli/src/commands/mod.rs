@@ -11,6 +11,7 @@ mod render;
 mod reproduce;
 mod scenes;
 mod score;
+mod shaders;
 
 use crate::args::{Cli, Command};
 use crate::backend::adapters;
@@ -61,6 +62,7 @@ pub fn run(cli: Cli) -> Result<(), Failure> {
             Command::Bench(args) => bench::run(&context, args),
             Command::Reproduce(args) => reproduce::run(&context, args),
             Command::Explain(args) => explain::run(&context, args),
+            Command::Shaders(args) => shaders::run(&context, args),
         }
     };
     match cli.common.threads {

@@ -17,16 +17,16 @@ struct Bound {
     flips: f64,
 }
 
-/// As `SEQUENCE` in the agreement of the denoiser's own tests, which says why: positions and reprojection in other
-/// precision, thresholds that flip (stages 3, 6, 8). Those compare with `reference`, from which the CPU's back end may lie
-/// as far away: twice as much here.
+/// Half storage, as measured against `reference` by the denoiser's own tests, and twice as much, since the CPU's back end
+/// lies as far from that: a rounding of 2^-11 a plane, fed back for some frames; thresholds that flip (stages 3, 6, 8).
+/// Reflections in curved mirrors find their place in history less surely.
 const BOUNDS: [Bound; 6] = [
-    Bound { plane: "composite", relative: 1e-3, flips: 4e-3 },
-    Bound { plane: "direct", relative: 0.0, flips: 0.0 },
-    Bound { plane: "matte", relative: 1e-3, flips: 4e-3 },
-    Bound { plane: "glossy", relative: 1e-3, flips: 4e-3 },
-    Bound { plane: "confidence", relative: 1e-3, flips: 4e-3 },
-    Bound { plane: "history length", relative: 1e-3, flips: 4e-3 },
+    Bound { plane: "composite", relative: 1e-2, flips: 3e-2 },
+    Bound { plane: "direct", relative: 4e-3, flips: 4e-3 },
+    Bound { plane: "matte", relative: 4e-3, flips: 4e-3 },
+    Bound { plane: "glossy", relative: 1e-2, flips: 3e-2 },
+    Bound { plane: "confidence", relative: 4e-3, flips: 4e-3 },
+    Bound { plane: "history length", relative: 4e-3, flips: 4e-3 },
 ];
 
 /// The program with the adapters of this machine, which the other tests hide.
@@ -114,14 +114,49 @@ fn render_gives_the_pictures_of_the_cpu() {
         }
         // The first frame has no history to differ in.
         assert!(frame == 0 || cpu != gpu, "both ran on the same back end");
-        // What the comparison must see: another frame, and each plane off by 1 %.
+        // What the comparison must see: another frame, and each plane off by 3 %.
         assert!(compare(&cpu, &file("gpu", if frame == 0 { 1 } else { frame - 1 })).is_err());
         for k in 0..gpu.len() {
             let mut changed = gpu.clone();
-            changed[k].1.iter_mut().for_each(|v| *v = *v * 1.01 + 0.01 * f32::from(*v == 0.0));
-            assert!(compare(&cpu, &changed).is_err(), "{} off by 1 % went unseen", changed[k].0);
+            changed[k].1.iter_mut().for_each(|v| *v = *v * 1.03 + 0.03 * f32::from(*v == 0.0));
+            assert!(compare(&cpu, &changed).is_err(), "{} off by 3 % went unseen", changed[k].0);
         }
     }
+}
+
+#[test]
+fn bench_has_times_bytes_and_floors() {
+    let folder = Folder::new("gpu bench");
+    let Some(adapter) = adapter(&folder.0) else { return };
+    let sizes = ["bench", "--size", "64x36,128x72", "--count", "3", "--device", &adapter, "--json"];
+    let bench = |options: &[&str]| {
+        let output = run(&folder.0, &[&sizes[..], options].concat());
+        assert_eq!(output.status.code(), Some(0), "{}", err(&output));
+        serde_json::from_str::<Value>(&out(&output)).expect("JSON")
+    };
+    let value = bench(&["--bandwidth", "100"]);
+    assert_eq!(value["settings"]["backend"], "gpu");
+    assert_eq!(value["gigabytes_per_second"], 100.0);
+    let runs = value["sizes"].as_array().expect("a list");
+    assert_eq!(runs.len(), 2);
+    for (run, pixels) in runs.iter().zip([64.0 * 36.0, 128.0 * 72.0]) {
+        assert!(run["frame_ms"].as_f64().expect("a time") > 0.0);
+        let bytes = |name: &str| run["bytes_per_pixel"][name].as_f64().unwrap_or_else(|| panic!("{name}: {run}"));
+        let sum: f64 = ["matte_temporal", "matte_prefilter", "disocclusion", "firefly", "matte_bilateral"]
+            .into_iter()
+            .chain(["glossy_temporal", "glossy_bilateral_h", "glossy_bilateral_v"])
+            .map(bytes)
+            .sum();
+        // What the design promises of stages 3 to 10.
+        assert!(sum > 100.0 && sum <= 260.0, "{sum} bytes a pixel");
+        // Times of stages need timestamps; their floors follow from the bytes.
+        for stage in run["stages"].as_array().expect("a list").iter().filter(|s| s["bytes_per_pixel"].is_number()) {
+            let floor = stage["bytes_per_pixel"].as_f64().expect("bytes") * pixels / 100e9 * 1e3;
+            assert!((stage["floor_ms"].as_f64().expect("a floor") - floor).abs() < 1e-9 * floor.max(1.0), "{stage}");
+            assert!(stage["milliseconds"]["median"].as_f64().expect("a time") > 0.0, "{stage}");
+        }
+    }
+    assert!(bench(&[])["copy_gigabytes_per_second"].as_f64().expect("a speed") > 0.0);
 }
 
 #[test]

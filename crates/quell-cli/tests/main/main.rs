@@ -60,8 +60,8 @@ impl Drop for Folder {
     }
 }
 
-const COMMANDS: [&str; 10] =
-    ["demo", "render", "denoise", "doctor", "compare", "score", "scenes", "bench", "reproduce", "explain"];
+const COMMANDS: [&str; 11] =
+    ["demo", "render", "denoise", "doctor", "compare", "score", "scenes", "bench", "reproduce", "explain", "shaders"];
 /// The smallest run that has everything.
 const SMALL: [&str; 6] = ["render", "cornell-box", "--size", "48x27", "--direct-samples", "2"];
 

@@ -3,13 +3,14 @@
 use super::device::Gpu;
 use super::error::Error;
 use quell::gpu::{
-    Options, PackedFrame, PackedGuides, PackedSignal, Storage, Texel, unpack_colours, unpack_fourth, unpack_numbers,
-    wgpu,
+    Options, PackedFrame, PackedGuides, PackedSignal, Texel, unpack_colours, unpack_fourth, unpack_numbers, wgpu,
 };
+use quell::pipeline::Stage;
+use quell::report::StageTimes;
 use quell::{Camera, Frame, Output, OutputBuf, Plane, Report, Settings, Size};
 use std::collections::HashMap;
 use std::sync::Arc;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 /// How a frame's colours come onto the device.
 const COLOUR: wgpu::TextureFormat = wgpu::TextureFormat::Rgba32Float;
@@ -23,6 +24,17 @@ pub struct Denoiser {
     planes: HashMap<&'static str, wgpu::TextureView>,
     uploaded: Option<Uploaded>,
     output: Option<OutputBuf>,
+}
+
+/// A frame that has run.
+#[derive(Clone, Debug)]
+pub struct Ran {
+    /// Where it lies.
+    pub output: quell::gpu::Output,
+    /// From encoding to the end.
+    pub wall: Duration,
+    /// Of its stages, where the adapter has timestamps.
+    pub times: StageTimes,
 }
 
 /// What of a frame is not in a texture.
@@ -54,7 +66,6 @@ impl Denoiser {
     /// A size or a setting that the denoiser refuses; the device's memory.
     pub fn new(gpu: Arc<Gpu>, size: Size, settings: &Settings) -> Result<Self, Error> {
         let mut options = Options::new(settings);
-        options.storage = Storage::Float;
         options.composite = true;
         let guest = quell::gpu::Denoiser::new(gpu.device(), size, &options)?;
         gpu.check(&format!("the planes of {size}"))?;
@@ -74,9 +85,10 @@ impl Denoiser {
         let begin = Instant::now();
         self.upload(frame)?;
         let uploading = begin.elapsed();
-        let (encoded, _) = self.run()?;
+        let ran = self.run()?;
         let begin = Instant::now();
-        let mut read = self.read(&encoded)?;
+        let mut read = self.read(&ran.output)?;
+        read.report.times = ran.times;
         read.report.times.border = uploading + begin.elapsed();
         Ok(self.output.insert(read).output())
     }
@@ -129,7 +141,7 @@ impl Denoiser {
     ///
     /// # Errors
     /// Nothing was uploaded; what the device reports.
-    pub fn run(&mut self) -> Result<(quell::gpu::Output, std::time::Duration), Error> {
+    pub fn run(&mut self) -> Result<Ran, Error> {
         let Some(uploaded) = &mut self.uploaded else {
             return Err(Error::Missing { what: "frame that was uploaded" });
         };
@@ -159,7 +171,12 @@ impl Denoiser {
         let mut encoder = self.gpu.encoder("quell host");
         let output = self.guest.encode(self.gpu.device(), &mut encoder, &frame)?;
         self.gpu.run(encoder, "a frame")?;
-        Ok((output, begin.elapsed()))
+        Ok(Ran { output, wall: begin.elapsed(), times: StageTimes::default() })
+    }
+
+    /// Bytes a pixel that a stage moves, as the last frame ran.
+    pub fn bytes_per_pixel(&self, stage: Stage) -> Option<u32> {
+        self.guest.program().bytes_per_pixel(stage)
     }
 
     fn read(&self, encoded: &quell::gpu::Output) -> Result<OutputBuf, Error> {
@@ -192,7 +209,7 @@ impl Denoiser {
             sanitised: self.uploaded.map(|u| u.sanitised).unwrap_or_default(),
             reset_pixels: confidence.data().iter().filter(|c| **c == 0.0).count() as u64,
             had_history: encoded.had_history,
-            times: quell::report::StageTimes::default(),
+            times: StageTimes::default(),
         };
         Ok(OutputBuf {
             composite,

@@ -36,7 +36,7 @@ pub struct Gpu {
 }
 
 impl Gpu {
-    /// Opens the adapter that is meant, with WebGPU's default limits (buffers as large as the adapter allows) and
+    /// Opens the adapter that is meant, with WebGPU's default limits (buffers and textures as large as the adapter allows) and
     /// timestamps where it has them.
     ///
     /// # Errors
@@ -50,6 +50,7 @@ impl Gpu {
             required_features: found.features() & wgpu::Features::TIMESTAMP_QUERY,
             required_limits: wgpu::Limits {
                 max_buffer_size: most.max_buffer_size,
+                max_texture_dimension_2d: most.max_texture_dimension_2d,
                 max_storage_buffer_binding_size: most.max_storage_buffer_binding_size,
                 ..wgpu::Limits::default()
             },

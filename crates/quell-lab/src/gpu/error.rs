@@ -54,8 +54,8 @@ pub enum Error {
         /// What wgpu says.
         reason: String,
     },
-    /// The frame has what the GPU back end cannot do.
-    #[error("the gpu back end has no {what} yet; leave that out, or use --backend cpu")]
+    /// Something that this host does not bring to the device.
+    #[error("{what}: not on the gpu here; leave that out, or use --backend cpu")]
     Missing {
         /// What it lacks.
         what: &'static str,

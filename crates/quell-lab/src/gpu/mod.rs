@@ -6,6 +6,7 @@
 //! device.rs     the device, its queue, and what goes wrong with them
 //! bandwidth.rs  how many bytes a second the device moves
 //! denoiser.rs   frames in, frames out
+//! manifest.rs   shaders as files with all that a host in another language needs to know
 //! error.rs      every error
 //! ```
 
@@ -14,9 +15,10 @@ mod bandwidth;
 mod denoiser;
 mod device;
 mod error;
+pub mod manifest;
 
 pub use adapter::{Adapter, Wanted, adapters};
 pub use bandwidth::copy_speed;
-pub use denoiser::Denoiser;
+pub use denoiser::{Denoiser, Ran};
 pub use device::Gpu;
 pub use error::Error;

@@ -4,6 +4,8 @@ mod baselines;
 mod browser;
 mod compare;
 mod comparison;
+#[cfg(feature = "gpu")]
+mod manifest;
 mod metrics;
 mod offline;
 mod oidn;

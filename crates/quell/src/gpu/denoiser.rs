@@ -3,7 +3,6 @@
 use super::debug::{DebugInputs, DebugTarget, DebugView, DebugViews};
 use super::error::Error;
 use super::frame::{Frame, Guides, Output};
-use super::guides::pack_spiral;
 use super::kernel::{Bindable, Kernel, Told, workgroups};
 use super::options::Options;
 use super::pass::Pass;
@@ -13,11 +12,11 @@ use super::program::{Bound, Contents, Dispatch, Memory, Program, Role, Slot};
 use super::repairs::Repairs;
 use super::storage::Storage;
 use super::timing::{Timing, Timings};
+use super::told::pack_taps;
 use super::uniforms::{Cameras, FrameUniforms, SettingsUniforms};
 use crate::camera::Camera;
 use crate::frame::Signal;
 use crate::history::{Ledger, PlanCache, Validity};
-use crate::kernels::spiral::{Spiral, SpiralShape};
 use crate::pipeline::{Image, Plan, Stage};
 use crate::plane::Size;
 use crate::settings::Settings;
@@ -337,26 +336,12 @@ impl Denoiser {
 
     fn small(&self, device: &wgpu::Device, frame: &Frame<'_>, cameras: &Cameras, valid: Validity) -> Small {
         let (settings, rows) = (&self.options.settings, frame.size.height);
-        let contents = frame.contents();
-        let [matte, glossy] = [contents.matte, contents.glossy];
-        let told = SettingsUniforms::new(settings, frame.size)
-            .with_terms(
-                matte.is_some(),
-                glossy.is_some(),
-                matte.is_some_and(|s| s.direct),
-                glossy.is_some_and(|s| s.direct),
-            )
-            .with_weights(matte.is_some_and(|s| s.weight), glossy.is_some_and(|s| s.weight))
-            .with_direct(contents.direct);
+        let told = SettingsUniforms::of(settings, frame.size, frame.contents());
         let frame_told = FrameUniforms::from_cameras(cameras, self.before.as_ref(), valid);
         let label = |name| format!("{} {name}", self.options.label);
         let uniform = |name, bytes: &[u8]| filled(device, &label(name), bytes, wgpu::BufferUsages::UNIFORM);
         let taps = self.program.2.resources.iter().filter(|r| r.role == Role::Taps).map(|resource| {
-            let shape = match resource.slot {
-                Slot::PrefilterTaps => SpiralShape::prefilter(&settings.matte_prefilter, rows, frame.index),
-                _ => SpiralShape::bilateral(&settings.matte_bilateral, rows, frame.index),
-            };
-            let bytes = pack_spiral(&Spiral::new(&shape));
+            let bytes = pack_taps(settings, resource.slot, rows, frame.index);
             (resource.slot, filled(device, &label(resource.slot.name()), &bytes, wgpu::BufferUsages::STORAGE))
         });
         Small {

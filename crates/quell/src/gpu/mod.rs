@@ -61,6 +61,7 @@ mod program;
 mod repairs;
 mod storage;
 mod timing;
+mod told;
 mod uniform;
 mod uniforms;
 
@@ -80,6 +81,7 @@ pub use program::{Bound, Contents, Dispatch, Memory, Program, Resource, Role, Sh
 pub use repairs::Repairs;
 pub use storage::{Storage, Texel};
 pub use timing::Timing;
+pub use told::{TAP_FRAMES, pack_taps};
 pub use uniform::{Member, Uniform};
 pub use uniforms::{FrameUniforms, SettingsUniforms, layouts};
 

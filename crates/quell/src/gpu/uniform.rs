@@ -7,6 +7,8 @@ use glam::{IVec2, UVec2, Vec2, Vec3, Vec4};
 pub struct Member {
     /// Its name, the same in WGSL.
     pub name: &'static str,
+    /// Its type in WGSL.
+    pub ty: &'static str,
     /// Bytes from the struct's begin.
     pub offset: usize,
 }
@@ -24,6 +26,7 @@ pub struct Uniform {
 
 /// A value with WGSL's alignment and size.
 pub(super) trait Value {
+    const TYPE: &'static str;
     const ALIGN: usize;
     const SIZE: usize;
     /// Appends exactly `SIZE` bytes to `out`, whose length is a multiple of `ALIGN`.
@@ -31,8 +34,9 @@ pub(super) trait Value {
 }
 
 macro_rules! scalars {
-    ($($T:ty: $align:literal, $size:literal, $parts:expr;)+) => { $(
+    ($($T:ty as $wgsl:literal: $align:literal, $size:literal, $parts:expr;)+) => { $(
         impl Value for $T {
+            const TYPE: &'static str = $wgsl;
             const ALIGN: usize = $align;
             const SIZE: usize = $size;
             fn write(&self, out: &mut Vec<u8>) {
@@ -44,17 +48,18 @@ macro_rules! scalars {
 }
 
 scalars! {
-    f32: 4, 4, |v| [*v];
-    u32: 4, 4, |v| [*v];
-    i32: 4, 4, |v| [*v];
-    Vec2: 8, 8, |v| v.to_array();
-    UVec2: 8, 8, |v| v.to_array();
-    IVec2: 8, 8, |v| v.to_array();
-    Vec3: 16, 12, |v| v.to_array();
-    Vec4: 16, 16, |v| v.to_array();
+    f32 as "f32": 4, 4, |v| [*v];
+    u32 as "u32": 4, 4, |v| [*v];
+    i32 as "i32": 4, 4, |v| [*v];
+    Vec2 as "vec2f": 8, 8, |v| v.to_array();
+    UVec2 as "vec2u": 8, 8, |v| v.to_array();
+    IVec2 as "vec2i": 8, 8, |v| v.to_array();
+    Vec3 as "vec3f": 16, 12, |v| v.to_array();
+    Vec4 as "vec4f": 16, 16, |v| v.to_array();
 }
 
 impl Value for [Vec3; 3] {
+    const TYPE: &'static str = "array<vec3f, 3>";
     const ALIGN: usize = 16;
     const SIZE: usize = 48;
     fn write(&self, out: &mut Vec<u8>) {
@@ -81,6 +86,7 @@ macro_rules! uniforms {
         $visibility struct $Name { $( $(#[$fmeta])* $field: $T ),+ }
 
         impl $crate::gpu::uniform::Value for $Name {
+            const TYPE: &'static str = $wgsl;
             const ALIGN: usize = 16;
             const SIZE: usize = {
                 let mut end = 0;
@@ -103,7 +109,8 @@ macro_rules! uniforms {
                 let (mut end, mut members) = (0, Vec::new());
                 $(
                     let offset = $crate::gpu::uniform::round_up(end, <$T as $crate::gpu::uniform::Value>::ALIGN);
-                    members.push($crate::gpu::uniform::Member { name: stringify!($field), offset });
+                    let ty = <$T as $crate::gpu::uniform::Value>::TYPE;
+                    members.push($crate::gpu::uniform::Member { name: stringify!($field), ty, offset });
                     end = offset + <$T as $crate::gpu::uniform::Value>::SIZE;
                 )+
                 let size = $crate::gpu::uniform::round_up(end, 16);
