@@ -126,6 +126,16 @@ impl Denoiser {
         }
     }
 
+    /// Names of the passes that ran several stages of the last frame: there the first stage has the time and the bytes of
+    /// all.
+    pub fn shared_passes(&self) -> Vec<&'static str> {
+        match self {
+            Self::Cpu(..) => Vec::new(),
+            #[cfg(feature = "gpu")]
+            Self::Gpu(denoiser) => denoiser.shared_passes(),
+        }
+    }
+
     /// Forgets history: the next frame starts afresh.
     pub fn reset(&mut self) {
         match self {

@@ -57,7 +57,8 @@ pub fn run(context: &Context, args: BenchArgs) -> Result<(), Failure> {
         let measured = measure(context, &mut frame, &args)?;
         let stages = with_floors(&measured, &bandwidth, size);
         let sum = |f: &dyn Fn(&StageTime) -> Option<f64>| stages.iter().filter_map(f).sum::<f64>();
-        let filters: f64 = sum(&|s| s.paper_stage.map(|_| s.milliseconds.median));
+        // An empty sum of floats is -0.
+        let filters: f64 = 0.0 + sum(&|s| s.paper_stage.map(|_| s.milliseconds.median));
         let whole: f64 = sum(&|s| Some(s.milliseconds.median));
         text.push_str(&format!(
             "{size}, {} frames, back end {}, {}\n\n",
@@ -90,6 +91,7 @@ pub fn run(context: &Context, args: BenchArgs) -> Result<(), Failure> {
             "stages": stages,
             "stages_3_to_11_ms": filters,
             "frame_ms": measured.frame.map_or(whole, |frame| frame.median),
+            "shared_passes": measured.shared,
             "bytes_per_pixel": measured.bytes.iter().map(|(stage, bytes)| (stage.name(), *bytes)).collect::<BTreeMap<_, _>>(),
             "peak_memory_bytes": peak_memory(),
             "rays": rays.map(|r| json!({
@@ -143,6 +145,8 @@ struct Measured {
     frame: Option<Spread>,
     /// Bytes a pixel of each stage that runs, where they are counted.
     bytes: Vec<(Stage, u32)>,
+    /// Passes that run several stages.
+    shared: Vec<&'static str>,
 }
 
 impl Measured {
@@ -154,10 +158,16 @@ impl Measured {
                     0.0 => "this adapter has no timestamps".to_owned(),
                     some => format!("stages 3 to 11: {some:.3} ms a frame"),
                 };
+                let shared = match self.shared.as_slice() {
+                    [] => String::new(),
+                    some => {
+                        format!("one pass each, whose time and bytes stand with its first stage: {}\n", some.join(", "))
+                    }
+                };
                 let bytes: u32 = self.bytes.iter().filter(|(s, _)| is_3_to_10(*s)).map(|(_, b)| b).sum();
                 format!(
                     "{stages}; from encoding to the end of a frame, without upload and read back: {:.3} ms ({:.3} to {:.3})\n\
-                     bytes a pixel of stages 3 to 10: {bytes}\n",
+                     bytes a pixel of stages 3 to 10: {bytes}\n{shared}",
                     frame.median, frame.min, frame.max
                 )
             }
@@ -199,7 +209,7 @@ fn measure(context: &Context, frame: &mut FrameBuf, args: &BenchArgs) -> Result<
     }
     let counted = |stage| denoiser.bytes_per_pixel(stage).map(|bytes| (stage, bytes));
     let bytes = Stage::ALL.into_iter().filter_map(counted).collect();
-    Ok(Measured { clock, frames, frame: Spread::of(walls), bytes })
+    Ok(Measured { clock, frames, frame: Spread::of(walls), bytes, shared: denoiser.shared_passes() })
 }
 
 struct Rays {
@@ -247,7 +257,11 @@ fn with_floors(measured: &Measured, bandwidth: &Bandwidth, size: Size) -> Vec<St
         stage.floor_ms = stage.bytes_per_pixel.map(milliseconds);
         stage
     };
-    measured.clock.stages().into_iter().map(with_floor).collect()
+    // What comes before a GPU's stages is not among what it timed.
+    let on_gpu = measured.frame.is_some();
+    let stages =
+        measured.clock.stages().into_iter().filter(|s| !on_gpu || Stage::ALL.iter().any(|k| k.name() == s.name));
+    stages.map(with_floor).collect()
 }
 
 /// What floors are reckoned with.

@@ -67,6 +67,7 @@ impl Denoiser {
     pub fn new(gpu: Arc<Gpu>, size: Size, settings: &Settings) -> Result<Self, Error> {
         let mut options = Options::new(settings);
         options.composite = true;
+        options.timings = true;
         let guest = quell::gpu::Denoiser::new(gpu.device(), size, &options)?;
         gpu.check(&format!("the planes of {size}"))?;
         Ok(Self { gpu, guest, size, planes: HashMap::new(), uploaded: None, output: None })
@@ -170,8 +171,24 @@ impl Denoiser {
         let begin = Instant::now();
         let mut encoder = self.gpu.encoder("quell host");
         let output = self.guest.encode(self.gpu.device(), &mut encoder, &frame)?;
+        self.guest.resolve_timings(self.gpu.device(), &mut encoder);
         self.gpu.run(encoder, "a frame")?;
-        Ok(Ran { output, wall: begin.elapsed(), times: StageTimes::default() })
+        let wall = begin.elapsed();
+        let mut times = StageTimes::default();
+        for timing in self.guest.take_timings(self.gpu.queue()).unwrap_or_default() {
+            // Of stages that share a pass the first has the time of all.
+            if let Some(&stage) = timing.stages.first() {
+                let so_far = times.get(stage).unwrap_or_default();
+                times.set(stage, so_far + Duration::from_secs_f64(timing.milliseconds.max(0.0) * 1e-3));
+            }
+        }
+        Ok(Ran { output, wall, times })
+    }
+
+    /// Names of the passes that ran several stages of the last frame.
+    pub fn shared_passes(&self) -> Vec<&'static str> {
+        let passes = self.guest.program().dispatches.iter().map(|d| d.pass);
+        passes.filter(|pass| pass.stages.len() > 1).map(|pass| pass.name).collect()
     }
 
     /// Bytes a pixel that a stage moves, as the last frame ran.
