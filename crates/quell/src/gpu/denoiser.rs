@@ -85,6 +85,8 @@ struct Small {
     frame: wgpu::Buffer,
     settings: wgpu::Buffer,
     taps: HashMap<Slot, wgpu::Buffer>,
+    /// The host's textures in an image's place, for debug views.
+    hosts: HashMap<Slot, wgpu::TextureView>,
 }
 
 impl Denoiser {
@@ -348,7 +350,18 @@ impl Denoiser {
             frame: uniform("frame", &frame_told.bytes()),
             settings: uniform("settings", &told.bytes()),
             taps: taps.collect(),
+            hosts: self.hosts(frame),
         }
+    }
+
+    fn hosts(&self, frame: &Frame<'_>) -> HashMap<Slot, wgpu::TextureView> {
+        let inputs = [Image::DirectInput, Image::MatteInput, Image::GlossyInput].map(Slot::Image);
+        let given = inputs.into_iter().filter_map(|slot| Some((slot, frame.input(slot)?.clone())));
+        let aimed = self
+            .targets(frame)
+            .into_iter()
+            .filter_map(|(_, index, target)| Some((self.program.2.resources.get(index?)?.slot, target?.clone())));
+        given.chain(aimed).collect()
     }
 
     fn bindable<'a>(&'a self, bound: Bound, frame: &Frame<'a>, small: &'a Small) -> Option<Bindable<'a>> {
@@ -386,7 +399,7 @@ impl Denoiser {
     }
 
     /// Draws a view of the frame that was encoded last, into the same encoder or a later one. `views` are of the
-    /// denoiser's storage. What went to targets of the caller's is shown as it was when it last lay in the denoiser.
+    /// denoiser's storage. The host's own inputs and targets are shown as they are when the encoder runs.
     ///
     /// # Errors
     /// No frame was encoded since `new` or `resize`; an image that it did not make; a target of another format, too small
@@ -406,7 +419,11 @@ impl Denoiser {
         let of = |index: Option<usize>| self.planes.view(program.resources.get(index?)?.slot, false, turn);
         let image = match view {
             DebugView::Light(image) => {
-                plane(program.slot_of(&self.program.0, image).ok_or(missing(image.name()))?, false)?
+                let slot = program.slot_of(&self.program.0, image).ok_or(missing(image.name()))?;
+                match small.hosts.get(&slot) {
+                    Some(view) => view,
+                    None => plane(slot, false)?,
+                }
             }
             _ => of(program.shown.confidence).unwrap_or(views.nothing()),
         };

@@ -258,10 +258,10 @@ impl Program {
         memory
     }
 
-    /// Where an image of the plan lies that this program makes; inputs are the host's.
+    /// Where an image of the plan lies that this program reads or makes.
     pub(super) fn slot_of(&self, plan: &Plan, image: Image) -> Option<Slot> {
         let slot = Builder::new(plan, Contents::USUAL).place(image).0;
-        self.resources.iter().find(|r| r.slot == slot && r.role != Role::Input).map(|r| r.slot)
+        self.resources.iter().find(|r| r.slot == slot).map(|r| r.slot)
     }
 
     /// The bindings of a dispatch with what is bound, in order.

@@ -16,6 +16,7 @@ use quell::{FrameBuf, Plane, Settings, Size};
 fn views(size: Size) -> Vec<(&'static str, DebugView)> {
     vec![
         ("light", DebugView::Light(Image::MatteFiltered)),
+        ("input", DebugView::Light(Image::MatteInput)),
         ("depth", DebugView::Depth),
         ("normal", DebugView::Normal),
         ("roughness", DebugView::Roughness),
