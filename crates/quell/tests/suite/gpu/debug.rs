@@ -211,7 +211,7 @@ fn what_cannot_be_shown_is_an_error() {
 }
 
 /// Writes the pictures of docs/media/debug as PPM into the folder that `QUELL_PICTURES` names (ImageMagick's `convert`
-/// makes PNG of them): `cargo test -p quell --features gpu-tests --test main debug::pictures -- --ignored`.
+/// makes PNG of them): `cargo test -p quell --features gpu-native --test main debug::pictures -- --ignored`.
 #[test]
 #[ignore = "writes pictures"]
 fn pictures() {
