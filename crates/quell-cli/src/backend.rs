@@ -62,13 +62,23 @@ impl Choice {
     pub fn no_gpu(&self, what: &str) -> Result<(), Failure> {
         if self.asked == BackendChoice::Gpu || self.device.is_some() {
             return Err(Failure::Usage(format!(
-                "{what} on the CPU only: leave --backend gpu and --device away; demo, render and bench run on a GPU"
+                "{what} on the CPU only: leave --backend gpu and --device away; demo, render, bench and denoise run on a \
+                 GPU"
             )));
         }
         if self.asked == BackendChoice::Auto {
             self.chosen.get_or_init(|| Chosen::cpu(&format!("auto: {what} on the CPU only")));
         }
         Ok(())
+    }
+}
+
+impl Choice {
+    /// For a filter whose bits must not depend on the machine unless a GPU was asked for.
+    pub fn prefers_cpu(&self) {
+        if self.asked == BackendChoice::Auto && self.device.is_none() {
+            self.chosen.get_or_init(|| Chosen::cpu("auto: the same bits on every machine; --backend gpu takes a GPU"));
+        }
     }
 }
 
@@ -145,6 +155,21 @@ mod tests {
         assert!(named.no_gpu("x runs").is_err() && asked.no_gpu("x runs").is_err() && plain.no_gpu("x runs").is_ok());
         // Nothing was opened for that.
         assert_eq!((named.name(), asked.name(), plain.name()), ("auto", "gpu", "cpu"));
+    }
+
+    #[test]
+    fn a_filter_that_prefers_the_cpu_has_it_unless_a_gpu_is_asked_for() {
+        let name = || Some("llvmpipe".to_owned());
+        for (asked, device, name) in [
+            (None, None, "cpu"),
+            (Some(BackendChoice::Auto), name(), "auto"),
+            (Some(BackendChoice::Gpu), None, "gpu"),
+            (Some(BackendChoice::Cpu), None, "cpu"),
+        ] {
+            let choice = Choice::new(asked, device).unwrap();
+            choice.prefers_cpu();
+            assert_eq!(choice.name(), name);
+        }
     }
 
     #[test]

@@ -67,9 +67,10 @@ impl Context {
             return Err(Failure::Usage(format!("no preset `{other}` for sequences; there is: {SEQUENCE_PRESET}")));
         }
         if common.backend == Some(BackendChoice::Reference) {
-            return Err(Failure::Usage("the filter of sequences has one back end: cpu".to_owned()));
+            return Err(Failure::Usage(
+                "the filter of sequences has no back end `reference`; cpu and gpu it has".to_owned(),
+            ));
         }
-        Choice::new(common.backend, common.device.clone())?.no_gpu("the filter of sequences runs")?;
         let mut settings = SequenceSettings::default();
         for (name, value) in &file.values {
             let place = |e: quell::Error| Failure::Usage(format!("{}: {e}", file.path.display()));
@@ -79,15 +80,19 @@ impl Context {
             settings.set(&setting.name, &setting.value)?;
         }
         let plain = Common { preset: None, set: Vec::new(), settings: None, ..common.clone() };
-        Ok((Self::new(&plain)?, settings))
+        let context = Self::new(&plain)?;
+        context.choice.prefers_cpu();
+        if let Some(chosen) = context.choice.found() {
+            context.detail(&format!("back end: {} ({})", chosen.backend.name(), chosen.why));
+        }
+        Ok((context, settings))
     }
 
     /// A report with the settings of the filter of sequences.
     pub fn sequence_report(&self, settings: &SequenceSettings) -> Report {
         let mut report = self.report();
-        report.settings.clear();
+        report.settings.retain(|name, _| name.starts_with("backend"));
         report.settings.insert("preset".to_owned(), SEQUENCE_PRESET.into());
-        report.settings.insert("backend".to_owned(), "cpu".into());
         for parameter in SEQUENCE_PARAMETERS {
             if let Ok(value) = settings.get(parameter.name) {
                 report.settings.insert(parameter.name.to_owned(), value.into());

@@ -58,6 +58,9 @@ pub enum Error {
     /// What another error said before.
     #[error("{0}")]
     Told(String),
+    /// What the filter runs on failed: every frame would.
+    #[error(transparent)]
+    Filter(quell::Error),
     /// The planes to be written contradict each other; nothing was written.
     #[error("{} was not written: {source}", .path.display())]
     Frame {
@@ -77,9 +80,13 @@ impl Error {
         Self::NotSupported { path: path.to_owned(), reason: reason.into() }
     }
 
-    /// True where the next file would fail for the same reason: the disk is full, the folder cannot be written.
+    /// True where the next frame would fail for the same reason: the disk is full, the folder cannot be written, the GPU
+    /// is lost.
     pub fn is_lasting(&self) -> bool {
         use io::ErrorKind as Kind;
+        if matches!(self, Self::Filter(_)) {
+            return true;
+        }
         let Self::Io { action, source, .. } = self else { return false };
         let lasting = [
             Kind::StorageFull,

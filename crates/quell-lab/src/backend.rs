@@ -3,7 +3,9 @@
 use crate::error::Error;
 use quell::pipeline::{Inputs, Stage};
 use quell::report::StageTimes;
+use quell::sequence::Accelerator;
 use quell::{Frame, Output, Settings, Size};
+use std::sync::Arc;
 use std::time::Duration;
 
 /// A back end, ready to run.
@@ -13,7 +15,7 @@ pub enum Backend {
     Cpu(quell::Backend),
     /// A GPU.
     #[cfg(feature = "gpu")]
-    Gpu(std::sync::Arc<crate::gpu::Gpu>),
+    Gpu(Arc<crate::gpu::Gpu>),
 }
 
 impl Backend {
@@ -45,6 +47,18 @@ impl Backend {
             Self::Cpu(_) => Ok(None),
             #[cfg(feature = "gpu")]
             Self::Gpu(gpu) => Ok(Some(crate::gpu::copy_speed(gpu)?)),
+        }
+    }
+
+    /// What runs stages of the filter of sequences in the place of this processor; `None`: it runs all of them itself.
+    ///
+    /// # Errors
+    /// What the device reports.
+    pub fn accelerator(&self) -> Result<Option<Arc<dyn Accelerator>>, Error> {
+        match self {
+            Self::Cpu(_) => Ok(None),
+            #[cfg(feature = "gpu")]
+            Self::Gpu(gpu) => Ok(Some(Arc::new(crate::gpu::SequenceAccelerator::new(gpu.clone())?))),
         }
     }
 

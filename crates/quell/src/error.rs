@@ -51,6 +51,14 @@ pub enum Error {
         /// Extent found.
         found: Size,
     },
+    /// What a host runs elsewhere failed ([`crate::sequence::Accelerator`]); the filter gave up the frames inside it.
+    #[error("{name}: {reason}")]
+    Accelerator {
+        /// What computes.
+        name: String,
+        /// Its words.
+        reason: String,
+    },
     /// A pass names a signal that the frame does not have.
     #[error("pass `{pass}` is tied to the {signal} signal, which the frame does not have")]
     PassWithoutSignal {

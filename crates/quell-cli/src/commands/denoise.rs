@@ -22,7 +22,8 @@ const DOCTOR: &str = "`quell doctor` with the same frames says more, and how to 
 
 pub fn run(context: &Context, settings: SequenceSettings, args: DenoiseArgs) -> Result<(), Failure> {
     let dry_run = args.dry_run;
-    let job = Job::open(options(settings, args)?)?;
+    let accelerator = context.backend()?.accelerator()?;
+    let job = Job::open(JobOptions { accelerator, ..options(settings, args)? })?;
     // A dry run describes it anyway.
     if !dry_run {
         context.detail(job.mapping().trim_end());
@@ -87,6 +88,7 @@ fn options(mut settings: SequenceSettings, args: DenoiseArgs) -> Result<JobOptio
         settings,
         max_memory: args.max_memory.map(|bytes| bytes.0),
         bands: None,
+        accelerator: None,
     })
 }
 

@@ -11,7 +11,7 @@ use quell::Plane;
 use quell::sequence::{Filtered, Light, PreparedFrame, SequenceDenoiser, SequenceFrame};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
-use std::sync::Mutex;
+use std::sync::{Arc, Mutex};
 
 /// Where frames come from and go to.
 pub(super) struct Disk<'j> {
@@ -126,6 +126,7 @@ impl Files for Disk<'_> {
         for (image, path) in images.iter_mut().zip(outputs(&job.options.destination, sources)?) {
             image.set_text("quell.mapping", &job.mapping)?;
             image.set_text(JOB_ATTRIBUTE, &job.key)?;
+            image.set_text("quell.backend", &job.options.back_end())?;
             notes.extend(image.write(&path, &options)?.notes);
         }
         Ok(notes)
@@ -164,7 +165,13 @@ struct Inside {
 impl Denoisers {
     pub(super) fn new(job: &Job) -> Result<Self, Error> {
         let path: PathBuf = job.options.inputs.first().cloned().unwrap_or_default();
-        let new = |_| SequenceDenoiser::new(job.options.settings.clone());
+        let new = |_| {
+            let settings = job.options.settings.clone();
+            match &job.options.accelerator {
+                None => SequenceDenoiser::new(settings),
+                Some(elsewhere) => SequenceDenoiser::with_accelerator(settings, Arc::clone(elsewhere)),
+            }
+        };
         let each = job.adapters.iter().map(new).collect::<Result<Vec<_>, _>>();
         let each = each.map_err(|source| Error::Frame { path, source })?;
         Ok(Self { each, inside: BTreeMap::new() })
@@ -208,7 +215,8 @@ impl Window for Denoisers {
             inside.insert(number, Inside { images: loaded.images, described, filtered });
         }
         for (which, (denoiser, frame)) in each.iter_mut().zip(frames).enumerate() {
-            denoiser.push_to(frame, wanted, &mut |filtered| collect(inside, which, filtered, out));
+            let taken = denoiser.push_to(frame, wanted, &mut |filtered| collect(inside, which, filtered, out));
+            taken.map_err(Error::Filter)?;
         }
         Ok(())
     }
@@ -216,7 +224,8 @@ impl Window for Denoisers {
     fn finish(&mut self, out: &mut dyn FnMut(i64, Done) -> bool) -> Result<(), Error> {
         let Self { each, inside } = self;
         for (which, denoiser) in each.iter_mut().enumerate() {
-            denoiser.finish_to(&mut |filtered| collect(inside, which, filtered, out));
+            let taken = denoiser.finish_to(&mut |filtered| collect(inside, which, filtered, out));
+            taken.map_err(Error::Filter)?;
         }
         inside.clear();
         Ok(())

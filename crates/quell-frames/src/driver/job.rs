@@ -10,8 +10,9 @@ use crate::error::Error;
 use crate::image::{ExrImage, Window as ImageWindow, read_channels, read_headers};
 use crate::roles::{MapOptions, map_roles};
 use crate::sequence::{FrameSources, Sequence, find_sequence};
-use quell::sequence::{SEQUENCE_PARAMETERS, SequenceDenoiser, SequenceSettings};
+use quell::sequence::{Accelerator, SEQUENCE_PARAMETERS, SequenceDenoiser, SequenceSettings};
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
 /// What the user asked for.
@@ -39,6 +40,15 @@ pub struct JobOptions {
     pub max_memory: Option<u64>,
     /// Bands of rows that the picture is filtered in; absent: as many as memory asks for.
     pub bands: Option<usize>,
+    /// Runs stages of the filter elsewhere, such as on a GPU; absent: this processor does all.
+    pub accelerator: Option<Arc<dyn Accelerator>>,
+}
+
+impl JobOptions {
+    /// What filters, as files name it: two that differ may differ in bits.
+    pub fn back_end(&self) -> String {
+        self.accelerator.as_ref().map_or_else(|| "cpu".to_owned(), |elsewhere| elsewhere.name())
+    }
 }
 
 /// A job that is ready to run: files found, passes mapped, frames chosen.
@@ -104,7 +114,8 @@ impl Job {
         let settings = settings_text(&options.settings);
         let cuts = options.cuts.as_ref().map_or_else(|| "found".to_owned(), |cuts| ranges(cuts));
         let adapt = format!("{:?}", options.adapt);
-        let key = job_key([env!("CARGO_PKG_VERSION"), &settings, &mapping, &cuts, &adapt]);
+        let back_end = options.back_end();
+        let key = job_key([env!("CARGO_PKG_VERSION"), &settings, &mapping, &cuts, &adapt, &back_end]);
 
         let mut done_before = Vec::new();
         let mut in_the_way = None;

@@ -151,6 +151,7 @@ where
         inside: BTreeSet::new(),
         cuts: Vec::new(),
         busy: Busy::default(),
+        ended: None,
         options,
         told,
     };
@@ -175,7 +176,7 @@ where
     Ok(Outcome {
         frames: middle.fates.into_iter().collect(),
         cuts: middle.cuts,
-        ended: ended.or_else(|| stopped_by_user.then(String::new)),
+        ended: ended.or(middle.ended).or_else(|| stopped_by_user.then(String::new)),
         times: Times { reading, filtering, writing, wall: begin.elapsed().as_secs_f64() },
     })
 }
@@ -263,6 +264,8 @@ struct Middle<'t> {
     inside: BTreeSet<i64>,
     cuts: Vec<i64>,
     busy: Busy,
+    /// Why the filter can do no more.
+    ended: Option<String>,
     options: RunOptions,
     told: &'t (dyn Fn(Event) + Sync),
 }
@@ -296,10 +299,16 @@ impl Middle<'_> {
             if step.fresh || cut {
                 self.finish(window, &to);
             }
+            if self.ended.is_some() {
+                return;
+            }
             if step.wanted {
                 self.inside.insert(step.number);
             }
             if let Err(error) = self.during(&to, |out| window.push(step.number, loaded, step.wanted, out)) {
+                if error.is_lasting() {
+                    return self.give_up(&error);
+                }
                 self.inside.remove(&step.number);
                 self.unreadable(step, &error.to_string());
                 self.finish(window, &to);
@@ -360,11 +369,19 @@ impl Middle<'_> {
 
     fn finish<L, D, W: Window<Loaded = L, Done = D>>(&mut self, window: &mut W, to: &dyn Fn(i64, D) -> bool) {
         if let Err(error) = self.during(to, |out| window.finish(out)) {
-            for number in std::mem::take(&mut self.inside) {
-                self.fail(number, error.to_string());
-            }
+            self.give_up(&error);
         }
         self.inside.clear();
+    }
+
+    /// Frames inside the filter fail; where every other would fail too the run ends.
+    fn give_up(&mut self, error: &Error) {
+        for number in std::mem::take(&mut self.inside) {
+            self.fail(number, error.to_string());
+        }
+        if error.is_lasting() {
+            self.ended.get_or_insert_with(|| error.to_string());
+        }
     }
 }
 

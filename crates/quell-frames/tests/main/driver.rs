@@ -1,13 +1,15 @@
 //! Whole jobs on small sequences: any split gives the same files, and whatever goes wrong leaves whole files.
 
 use crate::Folder;
+use quell::sequence::{Accelerator, WaveletJob};
 use quell::{Camera, FrameBuf, Plane, Size};
 use quell_frames::driver::{Destination, Event, Existing, Fate, Job, JobOptions, Outcome};
+use quell_frames::image::read_headers;
 use quell_frames::{AdaptOptions, Error, FrameToWrite, MapOptions, WriteOptions, frame_path, write_frame};
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::sync::Mutex;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::sync::{Arc, Mutex};
 
 const FRAMES: i64 = 9;
 
@@ -71,6 +73,7 @@ impl Case {
             settings,
             max_memory: None,
             bands: None,
+            accelerator: None,
         }
     }
 
@@ -165,6 +168,68 @@ fn what_is_done_is_left_alone_as_far_as_asked() {
         let onto_itself = JobOptions { existing, ..case.options("in") };
         let Err(error) = Job::open(onto_itself) else { panic!("it was accepted") };
         assert!(error.to_string().contains("never replaced"), "{error}");
+    }
+}
+
+/// Leaves light as it is, or fails from a frame on.
+#[derive(Debug)]
+struct Elsewhere {
+    name: &'static str,
+    frames_before_it_fails: AtomicUsize,
+}
+
+impl Elsewhere {
+    fn some(name: &'static str, frames: usize) -> Option<Arc<dyn Accelerator>> {
+        Some(Arc::new(Self { name, frames_before_it_fails: AtomicUsize::new(frames) }))
+    }
+}
+
+impl Accelerator for Elsewhere {
+    fn name(&self) -> String {
+        self.name.to_owned()
+    }
+
+    fn wavelet(&self, _: &mut WaveletJob<'_>) -> Result<(), String> {
+        let left = |n: usize| n.checked_sub(1);
+        let frames = self.frames_before_it_fails.fetch_update(Ordering::SeqCst, Ordering::SeqCst, left);
+        frames.map(|_| ()).map_err(|_| "it was pulled out".to_owned())
+    }
+}
+
+#[test]
+fn files_say_which_back_end_made_them_and_another_is_another_job() {
+    let case = Case::new("backend");
+    assert_eq!(case.run(case.options("out")).written(), FRAMES as usize);
+    let signed = |number| {
+        let image = read_headers(&case.output("out", number)).unwrap();
+        image.text("quell.backend")
+    };
+    assert_eq!(signed(1).as_deref(), Some("cpu"));
+    let with = |name| JobOptions {
+        existing: Existing::Resume,
+        accelerator: Elsewhere::some(name, 1000),
+        ..case.options("out")
+    };
+    let wanted = |name| Job::open(with(name)).unwrap().plan().wanted();
+    assert_eq!(wanted("gpu: a"), FRAMES as usize);
+    assert_eq!(case.run(with("gpu: a")).written(), FRAMES as usize);
+    assert_eq!(signed(2).as_deref(), Some("gpu: a"));
+    assert_eq!((wanted("gpu: a"), wanted("gpu: b")), (0, FRAMES as usize));
+}
+
+#[test]
+fn where_the_accelerator_fails_the_run_ends_and_says_why() {
+    for bands in [None, Some(2)] {
+        let case = Case::new(&format!("pulled-{bands:?}"));
+        let options = || JobOptions { accelerator: Elsewhere::some("gpu: a", 4), bands, ..case.options("out") };
+        let outcome = case.run(options());
+        assert_eq!(outcome.ended.as_deref(), Some("gpu: a: it was pulled out"));
+        let failed = |fate: &Fate| matches!(fate, Fate::Failed(why) if why.contains("it was pulled out"));
+        assert!(outcome.frames.iter().any(|(_, fate)| failed(fate)), "{:?}", outcome.frames);
+        assert_eq!(outcome.frames.len(), FRAMES as usize);
+        // Those whose wavelet was done before are whole, and no other is there.
+        assert_eq!(outcome.written(), case.written("out").len());
+        assert!(outcome.written() < 4, "{:?}", outcome.frames);
     }
 }
 

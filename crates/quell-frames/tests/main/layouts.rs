@@ -95,6 +95,7 @@ fn passes_of_hall_add_up_in_every_layout() {
             settings: quell::sequence::SequenceSettings::default(),
             max_memory: None,
             bands: None,
+            accelerator: None,
         })
         .unwrap();
         assert!(!job.notes().iter().any(|note| note.contains("add up")), "{layout}: {:?}", job.notes());

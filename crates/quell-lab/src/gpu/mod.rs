@@ -7,6 +7,7 @@
 //! bandwidth.rs  how many bytes a second the device moves
 //! denoiser.rs   frames in, frames out
 //! manifest.rs   shaders as files with all that a host in another language needs to know
+//! sequence.rs   stages of the filter of sequences
 //! error.rs      every error
 //! ```
 
@@ -16,9 +17,11 @@ mod denoiser;
 mod device;
 mod error;
 pub mod manifest;
+mod sequence;
 
 pub use adapter::{Adapter, Wanted, adapters};
 pub use bandwidth::copy_speed;
 pub use denoiser::{Denoiser, Ran};
 pub use device::Gpu;
 pub use error::Error;
+pub use sequence::SequenceAccelerator;

@@ -38,6 +38,20 @@ pub enum Error {
         /// The texture's.
         found: Size,
     },
+    /// A buffer cannot hold its plane.
+    #[error("pass `{pass}`: buffer `{binding}` holds {found} bytes; a plane of {size} needs {needed}")]
+    BufferSize {
+        /// The pass.
+        pass: &'static str,
+        /// The binding.
+        binding: &'static str,
+        /// The image's extent.
+        size: Size,
+        /// Bytes needed.
+        needed: u64,
+        /// Bytes there.
+        found: u64,
+    },
     /// A texture of another format.
     #[error("pass `{pass}`: texture `{binding}` has the format {found:?}; it must be {expected}")]
     Format {

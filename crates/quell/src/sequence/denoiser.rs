@@ -1,5 +1,6 @@
 //! The public face: frames in, in order; filtered frames out as soon as their window is complete.
 
+use super::accelerator::{self, Accelerator, WaveletJob};
 use super::accumulate::{Accumulated, accumulate};
 use super::energy::Class;
 use super::frame::SequenceFrame;
@@ -118,6 +119,7 @@ pub struct SequenceDenoiser {
     entries: VecDeque<Entry>,
     /// Entries at the front that were given out or are not wanted.
     done: usize,
+    accelerator: Option<Arc<dyn Accelerator>>,
 }
 
 impl std::fmt::Debug for Entry {
@@ -133,7 +135,15 @@ impl SequenceDenoiser {
     /// [`Error::ParameterValue`] for a setting out of its range.
     pub fn new(settings: SequenceSettings) -> Result<Self, Error> {
         settings.check()?;
-        Ok(Self { settings, entries: VecDeque::new(), done: 0 })
+        Ok(Self { settings, entries: VecDeque::new(), done: 0, accelerator: None })
+    }
+
+    /// Likewise; stages that `accelerator` knows run there.
+    ///
+    /// # Errors
+    /// As [`SequenceDenoiser::new`].
+    pub fn with_accelerator(settings: SequenceSettings, accelerator: Arc<dyn Accelerator>) -> Result<Self, Error> {
+        Ok(Self { accelerator: Some(accelerator), ..Self::new(settings)? })
     }
 
     /// Frames on each side of a wanted one that take part in it.
@@ -161,24 +171,33 @@ impl SequenceDenoiser {
     ///
     /// # Errors
     /// [`Error::EmptySize`], [`Error::PlaneSize`]: the frame is left out and the denoiser unchanged.
+    /// [`Error::Accelerator`]: as [`Self::push_to`].
     pub fn push(&mut self, frame: SequenceFrame, wanted: bool) -> Result<Vec<Filtered>, Error> {
         let mut out = Vec::new();
         self.push_to(PreparedFrame::new(frame)?, wanted, &mut |filtered| {
             out.push(filtered);
             true
-        });
+        })?;
         Ok(out)
     }
 
     /// [`Self::push`], with every frame given to `out` as soon as it is filtered: one at a time is in memory. Where `out`
     /// returns false, the rest is put off until the next call.
-    pub fn push_to(&mut self, frame: PreparedFrame, wanted: bool, out: &mut dyn FnMut(Filtered) -> bool) {
+    ///
+    /// # Errors
+    /// [`Error::Accelerator`]: the frames inside are given up, and the next one starts afresh.
+    pub fn push_to(
+        &mut self,
+        frame: PreparedFrame,
+        wanted: bool,
+        out: &mut dyn FnMut(Filtered) -> bool,
+    ) -> Result<(), Error> {
         let PreparedFrame { mut member, repaired } = frame;
         let follows = self.entries.back().is_none_or(|last| {
             last.member.number.checked_add(1) == Some(member.number) && last.member.same_kind(&member)
         });
         if !follows {
-            self.finish_to(out);
+            self.finish_to(out)?;
         }
         if let Some(last) = self.entries.back_mut() {
             if last.member.lacks_motion_to_next() {
@@ -190,31 +209,39 @@ impl SequenceDenoiser {
             }
         }
         self.entries.push_back(Entry { member, wanted, repaired, estimate: None });
-        self.ready(false, out);
+        self.ready(false, out)
     }
 
     /// The end of the sequence, or a cut: the rest comes out, and the next frame starts afresh.
     ///
     /// # Errors
-    /// None today.
+    /// [`Error::Accelerator`]: the frames inside are given up.
     pub fn finish(&mut self) -> Result<Vec<Filtered>, Error> {
         let mut out = Vec::new();
         self.finish_to(&mut |filtered| {
             out.push(filtered);
             true
-        });
+        })?;
         Ok(out)
     }
 
     /// [`Self::finish`], with every frame given to `out` as soon as it is filtered.
-    pub fn finish_to(&mut self, out: &mut dyn FnMut(Filtered) -> bool) {
-        self.ready(true, out);
+    ///
+    /// # Errors
+    /// As [`Self::finish`].
+    pub fn finish_to(&mut self, out: &mut dyn FnMut(Filtered) -> bool) -> Result<(), Error> {
+        let result = self.ready(true, out);
+        self.clear();
+        result
+    }
+
+    fn clear(&mut self) {
         self.entries.clear();
         self.done = 0;
     }
 
     /// Frames whose window is complete, or all where the sequence ends.
-    fn ready(&mut self, ends: bool, out: &mut dyn FnMut(Filtered) -> bool) {
+    fn ready(&mut self, ends: bool, out: &mut dyn FnMut(Filtered) -> bool) -> Result<(), Error> {
         let gather = self.settings.gather.frames as usize;
         let steady = self.settings.stabilise.frames as usize;
         let future = self.settings.gather.future;
@@ -229,7 +256,7 @@ impl SequenceDenoiser {
                 let (from, to) = (t.saturating_sub(steady), if future { (t + steady).min(last) } else { t });
                 for i in from..=to {
                     if self.entries[i].estimate.is_none() {
-                        let estimate = self.estimate(i);
+                        let estimate = self.estimate(i).inspect_err(|_| self.clear())?;
                         self.entries[i].estimate = Some(estimate);
                         self.entries[i].member.estimated();
                     }
@@ -241,7 +268,7 @@ impl SequenceDenoiser {
                     let go_on = out(filtered);
                     self.forget();
                     if !go_on {
-                        return;
+                        return Ok(());
                     }
                     continue;
                 }
@@ -250,6 +277,7 @@ impl SequenceDenoiser {
             self.done += 1;
             self.forget();
         }
+        Ok(())
     }
 
     fn given_out(&mut self, t: usize) {
@@ -275,7 +303,7 @@ impl SequenceDenoiser {
         self.done -= kept;
     }
 
-    fn estimate(&self, i: usize) -> Estimate {
+    fn estimate(&self, i: usize) -> Result<Estimate, Error> {
         let s = &self.settings;
         let gather = s.gather.frames as usize;
         let (from, to) = (i.saturating_sub(gather), (i + gather).min(self.entries.len() - 1));
@@ -287,9 +315,14 @@ impl SequenceDenoiser {
         let variance = variance(member, &local, &accumulated, &s.variance, &s.wavelet);
         let Accumulated { slots, colours, moments } = accumulated;
         drop(moments);
-        let colours = wavelet(member, &local, &slots, colours, variance, &s.wavelet);
+        let colours = match self.accelerator.as_deref() {
+            None => wavelet(member, &local, &slots, colours, variance, &s.wavelet),
+            Some(elsewhere) => WaveletJob::new(member, &local, &slots, &colours, &variance, &s.wavelet)
+                .and_then(|mut job| elsewhere.wavelet(&mut job).map(|()| job.filtered()))
+                .map_err(|reason| accelerator::failed(elsewhere, reason))?,
+        };
         let picture = picture(member, &slots, &colours);
-        Estimate { slots, colours, picture, samples }
+        Ok(Estimate { slots, colours, picture, samples })
     }
 
     fn result(&self, t: usize, from: usize, to: usize) -> Option<Filtered> {

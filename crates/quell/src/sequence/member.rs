@@ -155,7 +155,12 @@ impl Member {
 
     /// True where light of that kind is the image of other things in a mirror or glass: it moves by its own motion.
     pub(super) fn reflects(&self, p: usize, kind: LightKind) -> bool {
-        matches!(kind, LightKind::GlossyIndirect | LightKind::Transmission) && self.specular(p)
+        Self::can_reflect(kind) && self.specular(p)
+    }
+
+    /// True where mirrors and glass show light of that kind.
+    pub(super) fn can_reflect(kind: LightKind) -> bool {
+        matches!(kind, LightKind::GlossyIndirect | LightKind::Transmission)
     }
 
     /// Gives back what nobody asks for once the frame is out.

@@ -12,6 +12,7 @@
 //! variance.rs    stage 2: the variance of that average
 //! wavelet.rs     stage 3: edge-avoiding a-trous levels with a luminance stop
 //! energy.rs      how unlike two pixels' guides are
+//! accelerator.rs what a host may run elsewhere, such as on a GPU: the wavelet (wavelet.wgsl, energy.wgsl)
 //! stabilise.rs   stage 4: neighbours in time, limited to the local range
 //! spool.rs       frames outside of memory, read back in bands of rows
 //! packed.rs      colours of frames that wait, in half precision
@@ -21,6 +22,7 @@
 //! Each frame is estimated from a window of frames around it, never from a filtered predecessor: any split of a job
 //! gives the same bits, and the first frame is as clean as the rest.
 
+mod accelerator;
 mod accumulate;
 mod denoiser;
 mod energy;
@@ -38,6 +40,7 @@ mod stabilise;
 mod variance;
 mod wavelet;
 
+pub use accelerator::{Accelerator, Guide, WaveletJob, WaveletLight};
 pub use denoiser::{Filtered, FilteredLight, PreparedFrame, SequenceDenoiser};
 pub use frame::{Light, LightKind, SequenceFrame};
 pub use settings::{SEQUENCE_PARAMETERS, SequenceSettings};

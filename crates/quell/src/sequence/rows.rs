@@ -3,6 +3,7 @@
 use crate::plane::Size;
 
 /// `channels` values a pixel; value c of pixel (x, y) lies at `(y * channels + c) * width + x`.
+#[derive(Clone)]
 pub(super) struct Rows {
     size: Size,
     channels: usize,
@@ -21,6 +22,10 @@ impl Rows {
 
     pub(super) fn channels(&self) -> usize {
         self.channels
+    }
+
+    pub(super) fn data(&self) -> &[f32] {
+        &self.data
     }
 
     pub(super) fn data_mut(&mut self) -> &mut [f32] {

@@ -20,7 +20,7 @@ const SPLINE: [f32; 3] = [0.375, 0.25, 0.0625];
 /// Luminances of one pixel that differ by less than this share do not differ.
 const LEAST_CONTRAST: f32 = 1e-3;
 
-fn levels(s: &Wavelet, kind: LightKind) -> u32 {
+pub(super) fn levels(s: &Wavelet, kind: LightKind) -> u32 {
     match kind {
         LightKind::Steady => 0,
         LightKind::Transmission => s.transmission_levels,
@@ -28,7 +28,7 @@ fn levels(s: &Wavelet, kind: LightKind) -> u32 {
     }
 }
 
-fn tolerance(s: &Wavelet, kind: LightKind) -> f32 {
+pub(super) fn tolerance(s: &Wavelet, kind: LightKind) -> f32 {
     match kind {
         LightKind::MatteDirect => s.matte_direct,
         LightKind::MatteIndirect | LightKind::Steady => s.matte,

@@ -529,9 +529,9 @@ fn bands_have_the_bits_of_the_whole() {
             true
         };
         for (kept, bytes) in &spooled {
-            denoiser.push_to(kept.rows(&mut Cursor::new(bytes), rows.clone()).unwrap(), true, &mut take);
+            denoiser.push_to(kept.rows(&mut Cursor::new(bytes), rows.clone()).unwrap(), true, &mut take).unwrap();
         }
-        denoiser.finish_to(&mut take);
+        denoiser.finish_to(&mut take).unwrap();
         assert_eq!(out.len(), whole.len());
         out.iter().zip(&whole).all(|(band, whole)| {
             core.clone().all(|y| {

@@ -16,3 +16,4 @@ mod sequence;
 mod shaders;
 mod textures;
 mod timing;
+mod wavelet;

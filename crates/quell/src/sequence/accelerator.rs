@@ -1,0 +1,241 @@
+//! What a host may run elsewhere, such as on a GPU: stages of the filter as plain numbers in and out.
+//!
+//! The filter itself opens no device and waits for none. It hands a stage to whoever was given to
+//! [`super::SequenceDenoiser::with_accelerator`], and takes what comes back.
+
+use super::energy::Class;
+use super::guides::Local;
+use super::member::{Member, Slot};
+use super::rows::Rows;
+use super::settings::Wavelet;
+use super::wavelet::{levels, tolerance};
+use crate::error::Error;
+use crate::frame::Rgb;
+use crate::par;
+use crate::plane::Size;
+use std::ops::Range;
+
+/// Runs stages of the filter in the place of this processor. Shared by all filters of a job.
+pub trait Accelerator: std::fmt::Debug + Send + Sync {
+    /// What computes, as files and messages name it: results of two that differ in name may differ in bits.
+    fn name(&self) -> String;
+
+    /// Stage 3 ([`crate::sequence`], `wavelet.rs`): filters every light of [`WaveletJob::lights`] and hands each back with
+    /// [`WaveletJob::store`].
+    ///
+    /// # Errors
+    /// A sentence for the user. The filter gives up what it holds: nothing is computed elsewhere instead.
+    fn wavelet(&self, job: &mut WaveletJob<'_>) -> Result<(), String>;
+}
+
+/// What is asked of the wavelet for one light: a twin of `wavelet.rs` needs no more, besides [`WaveletJob`]'s planes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
+pub struct WaveletLight {
+    /// Its place in the job.
+    pub light: usize,
+    /// The light itself and its joint planes: colour planes that one set of weights filters.
+    pub planes: usize,
+    /// Levels, at least 1; level i has taps 2^i pixels apart.
+    pub levels: u32,
+    /// Guides stop it. Media have none.
+    pub guided: bool,
+    /// Tolerance of depth, relative.
+    pub depth: f32,
+    /// How far noise of the guides loosens them.
+    pub guide_noise: f32,
+    /// Fall of the weight per 1 - cosine of normals.
+    pub normal: f32,
+    /// What multiplies the squared difference of the colours of [`Guide::Colour`]; 0: they do not count.
+    pub colour: f32,
+    /// Which colours these are.
+    pub colour_of: Guide,
+    /// Fall of the weight per 1 - cosine of the normals of [`Guide::SeenNormal`]; 0: they do not count.
+    pub seen_normal: f32,
+    /// Standard deviations, squared, of the luminance stop.
+    pub tolerance: f32,
+    /// Likewise where [`Guide::SeenColour`] is marked as a mirror.
+    pub mirror_tolerance: f32,
+}
+
+/// A plane of four numbers a pixel that stops the wavelet.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Guide {
+    /// Slope of 1/depth to the right and down, 1/depth (0: background), noise of the depth relative to it.
+    Geometry,
+    /// Unit normal, or zeros, and its noise.
+    Normal,
+    /// Colour of the surface, tone-mapped, for light that could not be divided by it; the fourth is 0.
+    Colour,
+    /// Colour that is seen in mirrors and through glass, tone-mapped; the fourth is 1 in a mirror, else 0.
+    SeenColour,
+    /// Unit normal seen there; the fourth is 0.
+    SeenNormal,
+}
+
+/// Colours and variances beyond it cannot be squared and divided in 32 bits without infinities, which shaders need not
+/// have.
+const MOST_COLOUR: f32 = 1e15;
+
+/// Stage 3 of one frame, or of a band of its rows.
+pub struct WaveletJob<'a> {
+    member: &'a Member,
+    local: &'a Local,
+    slots: &'a [Slot],
+    colours: &'a Rows,
+    variance: &'a Rows,
+    settings: &'a Wavelet,
+    filtered: Rows,
+}
+
+impl std::fmt::Debug for WaveletJob<'_> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let size = self.size();
+        f.debug_struct("WaveletJob").field("size", &size).field("lights", &self.slots.len()).finish_non_exhaustive()
+    }
+}
+
+impl<'a> WaveletJob<'a> {
+    /// Arguments as `wavelet::wavelet` takes them. Colours that shaders cannot be trusted with are an error.
+    pub(super) fn new(
+        member: &'a Member,
+        local: &'a Local,
+        slots: &'a [Slot],
+        colours: &'a Rows,
+        variance: &'a Rows,
+        settings: &'a Wavelet,
+    ) -> Result<Self, String> {
+        // NaN is within nothing.
+        let within = |most: f32| move |v: &f32| v.abs() <= most;
+        let (fits, fits_squared) = (within(MOST_COLOUR), within(MOST_COLOUR * MOST_COLOUR));
+        if !colours.data().iter().all(fits) || !variance.data().iter().all(fits_squared) {
+            return Err(format!("frame {} holds colours beyond {MOST_COLOUR:e}; take --backend cpu", member.number));
+        }
+        let planes = [&local.slope[0], &local.slope[1], &local.inverse_depth, &local.depth_noise];
+        if !planes.iter().all(|plane| plane.iter().all(fits)) {
+            return Err(format!(
+                "frame {} holds depths below {:e}; take --backend cpu",
+                member.number,
+                1.0 / MOST_COLOUR
+            ));
+        }
+        Ok(Self { member, local, slots, colours, variance, settings, filtered: colours.clone() })
+    }
+
+    /// Extent of every plane.
+    pub fn size(&self) -> Size {
+        self.member.size
+    }
+
+    /// The lights that are to be filtered; the others stay as they are.
+    pub fn lights(&self) -> Vec<WaveletLight> {
+        let s = self.settings;
+        let squared = |colours: bool, tolerance: f32| if colours { 0.5 / (tolerance * tolerance) } else { 0.0 };
+        let asked = |(light, slot): (usize, &Slot)| {
+            let class = Class::of(slot.kind);
+            let (seen, coloured) = (class == Class::Seen, class == Class::Coloured);
+            let k = tolerance(s, slot.kind);
+            // The only kinds that a mirror shows.
+            let mirror = if Member::can_reflect(slot.kind) { s.mirror } else { k };
+            let has = |plane: &[Vec<f32>; 3]| !plane[0].is_empty();
+            WaveletLight {
+                light,
+                planes: slot.planes,
+                levels: levels(s, slot.kind),
+                guided: class != Class::Free,
+                depth: s.depth,
+                guide_noise: s.guide_noise,
+                normal: s.normal,
+                colour: if coloured {
+                    squared(has(&self.local.albedo), s.albedo)
+                } else {
+                    squared(seen && has(&self.local.seen_albedo), s.seen_albedo)
+                },
+                colour_of: if coloured { Guide::Colour } else { Guide::SeenColour },
+                seen_normal: if seen && has(&self.local.seen_normal) { s.seen_normal } else { 0.0 },
+                tolerance: k * k,
+                mirror_tolerance: mirror * mirror,
+            }
+        };
+        self.slots.iter().enumerate().map(asked).filter(|light| light.levels > 0).collect()
+    }
+
+    /// Rows above and below a band that decide what `levels` levels make of it.
+    pub fn margin(levels: u32) -> usize {
+        // Each compares means over 3x3 pixels, and takes taps two steps away.
+        (0..levels).map(|level| 2 * (1usize << level) + 1).sum()
+    }
+
+    /// Some rows of a guide: for each pixel four f32, little-endian. Zeros where the frame has none.
+    pub fn guide(&self, guide: Guide, rows: Range<usize>) -> Vec<u8> {
+        let local = self.local;
+        let three = |plane: &[Vec<f32>; 3], i: usize| plane.each_ref().map(|c| c.get(i).copied().unwrap_or(0.0));
+        let four = |[x, y, z]: Rgb, w: f32| [x, y, z, w];
+        self.bytes(rows, |i| match guide {
+            Guide::Geometry => [local.slope[0][i], local.slope[1][i], local.inverse_depth[i], local.depth_noise[i]],
+            Guide::Normal => four(three(&local.normal, i), local.normal_noise[i]),
+            Guide::Colour => four(three(&local.albedo, i), 0.0),
+            Guide::SeenColour => four(three(&local.seen_albedo, i), if self.member.specular(i) { 1.0 } else { 0.0 }),
+            Guide::SeenNormal => four(three(&local.seen_normal, i), 0.0),
+        })
+    }
+
+    /// Some rows of a colour plane of a light before the wavelet, with the variance of the light's luminance as the fourth
+    /// number; as [`WaveletJob::guide`]. Empty where there is no such plane.
+    pub fn colours(&self, light: usize, plane: usize, rows: Range<usize>) -> Vec<u8> {
+        let Some(slot) = self.slots.get(light).filter(|slot| plane < slot.planes) else { return Vec::new() };
+        let w = self.size().width;
+        self.bytes(rows, |i| {
+            let (x, y) = (i % w, i / w);
+            let [r, g, b] = [0, 1, 2].map(|c| self.colours.row(y, 3 * (slot.first + plane) + c)[x]);
+            [r, g, b, self.variance.row(y, light)[x]]
+        })
+    }
+
+    /// Takes rows of a filtered plane, in the form of [`WaveletJob::colours`].
+    ///
+    /// # Errors
+    /// The rows are not the job's, or `bytes` holds not as many pixels.
+    pub fn store(&mut self, light: usize, plane: usize, rows: Range<usize>, bytes: &[u8]) -> Result<(), String> {
+        let (w, h) = (self.size().width, self.size().height);
+        let slot = self.slots.get(light).filter(|slot| plane < slot.planes);
+        let wrong = || format!("{} bytes for rows {rows:?} of plane {plane} of light {light}", bytes.len());
+        let slot = slot.filter(|_| rows.start <= rows.end && rows.end <= h && bytes.len() == rows.len() * w * 16);
+        let first = slot.ok_or_else(wrong)?.first;
+        let channels = self.filtered.channels();
+        let out = self.filtered.data_mut().get_mut(rows.start * channels * w..rows.end * channels * w);
+        par::rows(out.unwrap_or_default(), (channels * w).max(1), |y, row| {
+            for (x, pixel) in bytes.as_chunks::<16>().0[y * w..][..w].iter().enumerate() {
+                for c in 0..3 {
+                    let number = pixel.as_chunks::<4>().0[c];
+                    row[(3 * (first + plane) + c) * w + x] = f32::from_le_bytes(number);
+                }
+            }
+        });
+        Ok(())
+    }
+
+    pub(super) fn filtered(self) -> Rows {
+        self.filtered
+    }
+
+    fn bytes(&self, rows: Range<usize>, value: impl Fn(usize) -> [f32; 4] + Sync) -> Vec<u8> {
+        let size = self.size();
+        let rows = rows.start.min(size.height)..rows.end.min(size.height);
+        let mut bytes = vec![0u8; rows.len() * size.width * 16];
+        par::rows(&mut bytes, size.width * 16, |y, row| {
+            let first = (rows.start + y) * size.width;
+            for (x, pixel) in row.as_chunks_mut::<16>().0.iter_mut().enumerate() {
+                for (number, v) in pixel.as_chunks_mut::<4>().0.iter_mut().zip(value(first + x)) {
+                    *number = v.to_le_bytes();
+                }
+            }
+        });
+        bytes
+    }
+}
+
+/// An accelerator's sentence as the filter's error.
+pub(super) fn failed(accelerator: &dyn Accelerator, reason: String) -> Error {
+    Error::Accelerator { name: accelerator.name(), reason }
+}
