@@ -109,7 +109,7 @@ impl Part<'_> {
         let asked = || stop.load(Ordering::SeqCst);
         let (before, mut busy) = (pool_seconds(), Busy::default());
         let (entries, moved) = busy.during(|| self.spool(&asked, told))?;
-        add(&mut all.times.reading.cpu, before);
+        add(&mut all.times.reading.cpu, since(before));
         all.times.reading.busy += busy.seconds();
 
         let size = self.job.canvas().size;
@@ -147,7 +147,7 @@ impl Part<'_> {
                 (&mut all.times.filtering, outcome.times.filtering),
                 (&mut all.times.writing, outcome.times.writing),
             ] {
-                sum.cpu = sum.cpu.zip(time.cpu).map(|(a, b)| a + b);
+                add(&mut sum.cpu, time.cpu);
                 sum.busy += time.busy;
             }
             if outcome.ended.is_some() {
@@ -177,7 +177,7 @@ impl Part<'_> {
                 all.frames.push((step.number, Fate::Skipped));
             }
         }
-        add(&mut all.times.writing.cpu, before);
+        add(&mut all.times.writing.cpu, since(before));
         all.times.writing.busy += busy.seconds();
         Ok(())
     }
@@ -298,10 +298,14 @@ impl Part<'_> {
     }
 }
 
-fn add(sum: &mut Option<f64>, before: Option<f64>) {
-    let spent = before.zip(pool_seconds()).map(|(before, after)| after - before);
-    // The first part begins with none.
-    *sum = Some(sum.unwrap_or(0.0)).zip(spent).map(|(a, b)| a + b);
+/// Processor seconds since `before`.
+fn since(before: Option<f64>) -> Option<f64> {
+    before.zip(pool_seconds()).map(|(before, after)| after - before)
+}
+
+/// The first part begins with none; where the system does not tell, nothing is added.
+fn add(sum: &mut Option<f64>, spent: Option<f64>) {
+    *sum = spent.map(|spent| sum.unwrap_or(0.0) + spent).or(*sum);
 }
 
 /// Frames of one band: out of the files that wait, into files that wait.

@@ -380,6 +380,8 @@ fn in_bands_bad_frames_cuts_and_ctrl_c_are_as_without() {
         let outcome = case.0.run(options);
         let failed: Vec<_> = outcome.frames.iter().filter(|(_, fate)| *fate != Fate::Written).collect();
         assert!(matches!(failed[..], [(5, Fate::Failed(why))] if why.contains("shot.0005.exr")), "{failed:?}");
+        let times = [outcome.times.reading, outcome.times.filtering, outcome.times.writing];
+        assert!(times.iter().all(|time| time.cpu.is_some() == cfg!(unix)), "{times:?}");
     }
     for number in case.0.written("a") {
         let (a, b) = (case.0.output("a", number), case.0.output("b", number));

@@ -157,9 +157,7 @@ impl SequenceDenoiser {
         let s = &self.settings;
         let farthest = s.gather.travel * picture_height as f32;
         let way = |frames: u32| (moved * frames as f32).min(farthest).ceil() as usize + 2;
-        // Every level compares means over 3x3 pixels, and takes taps two steps away.
-        let levels = s.wavelet.levels.max(s.wavelet.transmission_levels);
-        let wavelet = 4 * ((1usize << levels) - 1) + levels as usize;
+        let wavelet = WaveletJob::margin(s.wavelet.levels.max(s.wavelet.transmission_levels));
         let variance = s.variance.radius as usize;
         // The range in 3x3, the cubic, what is in front in 3x3, edges along the picture; slopes and noise of guides.
         let (stabilise, guides) = (3 + 1 + super::stabilise::BORDER, 2);
