@@ -124,7 +124,7 @@ fn gpu(error: quell_lab::gpu::Error) -> Failure {
     use quell_lab::gpu::Error;
     match error {
         Error::Denoiser(quell::gpu::Error::Denoiser(error)) => error.into(),
-        Error::UnknownDevice { .. } | Error::Missing { .. } | Error::Denoiser(quell::gpu::Error::Size { .. }) => {
+        Error::UnknownDevice { .. } | Error::Denoiser(quell::gpu::Error::Size { .. }) => {
             Failure::Usage(error.to_string())
         }
         error => Failure::Failed(error.to_string()),

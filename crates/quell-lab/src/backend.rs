@@ -91,7 +91,7 @@ impl Denoiser {
     /// Filters the next frame.
     ///
     /// # Errors
-    /// What [`quell::Frame::check`] finds; on a GPU joint passes, and what the device reports.
+    /// What [`quell::Frame::check`] finds; on a GPU what the device reports.
     pub fn denoise(&mut self, frame: &Frame<'_>) -> Result<Output<'_>, Error> {
         match self {
             Self::Cpu(_, denoiser) => Ok(denoiser.denoise(frame)?),

@@ -2,6 +2,7 @@
 
 use super::device::Gpu;
 use super::error::Error;
+use quell::frame::Signal;
 use quell::gpu::{
     Options, PackedFrame, PackedGuides, PackedSignal, Texel, unpack_colours, unpack_fourth, unpack_numbers, wgpu,
 };
@@ -21,7 +22,7 @@ pub struct Denoiser {
     gpu: Arc<Gpu>,
     guest: quell::gpu::Denoiser,
     size: Size,
-    planes: HashMap<&'static str, wgpu::TextureView>,
+    planes: HashMap<Name, wgpu::TextureView>,
     uploaded: Option<Uploaded>,
     output: Option<OutputBuf>,
 }
@@ -37,8 +38,25 @@ pub struct Ran {
     pub times: StageTimes,
 }
 
+/// A plane that is uploaded.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+enum Name {
+    Plane(&'static str),
+    /// The joint pass of this number.
+    Joint(usize),
+}
+
+impl std::fmt::Display for Name {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::Plane(name) => f.write_str(name),
+            Self::Joint(index) => write!(f, "joint pass {index}"),
+        }
+    }
+}
+
 /// What of a frame is not in a texture.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 struct Uploaded {
     camera: Camera,
     previous_camera: Camera,
@@ -46,6 +64,8 @@ struct Uploaded {
     has_roughness: bool,
     has_glossy_hit: bool,
     signals: [Option<Terms>; 2],
+    /// Name and signal of each joint pass.
+    joint: Vec<(String, Signal)>,
     sanitised: quell::border::Sanitised,
 }
 
@@ -81,7 +101,7 @@ impl Denoiser {
     /// Filters the next frame: uploads it, runs it, reads it back.
     ///
     /// # Errors
-    /// What [`quell::Frame::check`] finds; joint passes; what the device reports.
+    /// What [`quell::Frame::check`] finds; what the device reports.
     pub fn denoise(&mut self, frame: &Frame<'_>) -> Result<Output<'_>, Error> {
         let begin = Instant::now();
         self.upload(frame)?;
@@ -97,11 +117,8 @@ impl Denoiser {
     /// Brings a frame onto the device, for [`Denoiser::run`].
     ///
     /// # Errors
-    /// What [`quell::Frame::check`] finds; joint passes; what the device reports.
+    /// What [`quell::Frame::check`] finds; what the device reports.
     pub fn upload(&mut self, frame: &Frame<'_>) -> Result<(), Error> {
-        if !frame.passes.is_empty() {
-            return Err(Error::Missing { what: "joint passes" });
-        }
         frame.check(self.size).map_err(quell::gpu::Error::Denoiser)?;
         let packed = PackedFrame::new(frame, self.guest.storage()).map_err(quell::gpu::Error::Denoiser)?;
         let storage = self.guest.storage();
@@ -110,16 +127,19 @@ impl Denoiser {
             ("surface", Texel::Surface, &packed.guides.surface),
             ("moving", Texel::Moving, &packed.guides.moving),
         ] {
-            self.write(name, texel.format(storage), texels);
+            self.write(Name::Plane(name), texel.format(storage), texels);
         }
-        self.write("direct", COLOUR, &packed.direct);
+        self.write(Name::Plane("direct"), COLOUR, &packed.direct);
         for (signal, names) in [&packed.matte, &packed.glossy].into_iter().zip(NAMES) {
             let Some(PackedSignal { light, weight, direct }) = signal else { continue };
             for (bytes, name) in [Some(light), weight.as_ref(), direct.as_ref()].into_iter().zip(names) {
                 if let Some(bytes) = bytes {
-                    self.write(name, COLOUR, bytes);
+                    self.write(Name::Plane(name), COLOUR, bytes);
                 }
             }
+        }
+        for (index, light) in packed.joint.iter().enumerate() {
+            self.write(Name::Joint(index), COLOUR, light);
         }
         let terms = |signal: &Option<PackedSignal>| {
             signal.as_ref().map(|s| Terms { weight: s.weight.is_some(), direct: s.direct.is_some() })
@@ -131,6 +151,7 @@ impl Denoiser {
             has_roughness: packed.has_roughness,
             has_glossy_hit: packed.has_glossy_hit,
             signals: [terms(&packed.matte), terms(&packed.glossy)],
+            joint: frame.passes.iter().map(|pass| (pass.name.to_owned(), pass.signal)).collect(),
             sanitised: packed.sanitised,
         });
         // Without this the copies would run, and be timed, with the frame.
@@ -143,14 +164,14 @@ impl Denoiser {
     /// # Errors
     /// Nothing was uploaded; what the device reports.
     pub fn run(&mut self) -> Result<Ran, Error> {
-        let Some(uploaded) = &mut self.uploaded else {
-            return Err(Error::Missing { what: "frame that was uploaded" });
+        let Some(uploaded) = &self.uploaded else {
+            return Err(Error::NoFrame);
         };
-        let plane = |name: &str| self.planes.get(name);
+        let plane = |name| self.planes.get(&Name::Plane(name));
         let (Some(geometry), Some(surface), Some(moving), Some(direct)) =
             (plane("geometry"), plane("surface"), plane("moving"), plane("direct"))
         else {
-            return Err(Error::Missing { what: "frame that was uploaded" });
+            return Err(Error::NoFrame);
         };
         let signal = |k: usize| {
             let (terms, names) = (uploaded.signals[k]?, NAMES[k]);
@@ -160,12 +181,18 @@ impl Denoiser {
                 direct: plane(names[2]).filter(|_| terms.direct),
             })
         };
+        let joint = uploaded.joint.iter().enumerate().filter_map(|(index, (name, signal))| {
+            let light = self.planes.get(&Name::Joint(index))?;
+            Some(quell::gpu::JointPlane { name, signal: *signal, light })
+        });
+        let joint: Vec<_> = joint.collect();
         let Uploaded { camera, previous_camera, index, has_roughness, has_glossy_hit, .. } = *uploaded;
         let guides = PackedGuides { geometry, surface, moving, has_roughness, has_glossy_hit };
         let frame = quell::gpu::Frame {
             direct: Some(direct),
             matte: signal(0),
             glossy: signal(1),
+            joint: &joint,
             ..quell::gpu::Frame::new(self.size, camera, previous_camera, index, guides)
         };
         let begin = Instant::now();
@@ -201,7 +228,8 @@ impl Denoiser {
         // Direct light is always given, and the sum asked for.
         let named = [&encoded.composite, &encoded.direct, &encoded.matte, &encoded.glossy].map(Option::as_ref);
         let state = encoded.confidence.iter().chain(&encoded.history_length);
-        let textures: Vec<&wgpu::Texture> = named.into_iter().flatten().chain(state).map(|v| v.texture()).collect();
+        let textures: Vec<&wgpu::Texture> =
+            named.into_iter().flatten().chain(state).chain(&encoded.joint).map(|v| v.texture()).collect();
         let contents = self.gpu.read_textures(&textures, what)?;
         let mut contents = textures.iter().map(|t| t.format()).zip(contents);
         let short = || Error::Refused {
@@ -222,26 +250,28 @@ impl Denoiser {
             Some((_, texels)) => unpack_numbers(&texels, self.size).ok_or_else(short)?,
             None => Plane::filled(self.size, 1.0),
         };
+        // After the signal its passes.
+        let (mut matte, mut glossy): (Vec<_>, Vec<_>) = (matte.into_iter().collect(), glossy.into_iter().collect());
+        for (_, signal) in self.uploaded.iter().flat_map(|uploaded| &uploaded.joint) {
+            let Some((format, texels)) = contents.next() else { break };
+            let light = unpack_colours(&texels, self.size, format).ok_or_else(short)?;
+            match signal {
+                Signal::Matte => matte.push(light),
+                Signal::Glossy => glossy.push(light),
+            }
+        }
         let report = Report {
-            sanitised: self.uploaded.map(|u| u.sanitised).unwrap_or_default(),
+            sanitised: self.uploaded.as_ref().map(|u| u.sanitised).unwrap_or_default(),
             reset_pixels: confidence.data().iter().filter(|c| **c == 0.0).count() as u64,
             had_history: encoded.had_history,
             times: StageTimes::default(),
         };
-        Ok(OutputBuf {
-            composite,
-            direct,
-            matte: matte.into_iter().collect(),
-            glossy: glossy.into_iter().collect(),
-            confidence,
-            history_length,
-            report,
-        })
+        Ok(OutputBuf { composite, direct, matte, glossy, confidence, history_length, report })
     }
 
     /// Fills the texture of a plane; it is made where there is none.
-    fn write(&mut self, name: &'static str, format: wgpu::TextureFormat, texels: &[u8]) {
-        match self.planes.get(name) {
+    fn write(&mut self, name: Name, format: wgpu::TextureFormat, texels: &[u8]) {
+        match self.planes.get(&name) {
             Some(view) => self.gpu.write_texture(view.texture(), texels),
             None => {
                 let view = self.gpu.texture(&format!("quell host {name}"), self.size, format, texels);

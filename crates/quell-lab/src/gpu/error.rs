@@ -54,12 +54,9 @@ pub enum Error {
         /// What wgpu says.
         reason: String,
     },
-    /// Something that this host does not bring to the device.
-    #[error("{what}: not on the gpu here; leave that out, or use --backend cpu")]
-    Missing {
-        /// What it lacks.
-        what: &'static str,
-    },
+    /// Nothing was uploaded that could run.
+    #[error("no frame was uploaded: call `upload` before `run`")]
+    NoFrame,
     /// The denoiser refused a size, a setting or a buffer.
     #[error(transparent)]
     Denoiser(#[from] quell::gpu::Error),

@@ -5,6 +5,8 @@ mod browser;
 mod compare;
 mod comparison;
 #[cfg(feature = "gpu")]
+mod gpu;
+#[cfg(feature = "gpu")]
 mod manifest;
 mod metrics;
 mod offline;

@@ -27,6 +27,8 @@ pub struct PackedFrame {
     pub matte: Option<PackedSignal>,
     /// [`super::Frame::glossy`].
     pub glossy: Option<PackedSignal>,
+    /// [`super::Frame::joint`]'s light, in the order of [`Frame::passes`].
+    pub joint: Vec<Vec<u8>>,
     /// What was repaired.
     pub sanitised: Sanitised,
 }
@@ -43,7 +45,7 @@ pub struct PackedSignal {
 }
 
 impl PackedFrame {
-    /// Reads a frame, guides for textures of this storage. Its joint passes are left out: nothing on the GPU takes them.
+    /// Reads a frame, guides for textures of this storage.
     ///
     /// # Errors
     /// What [`Frame::check`] finds.
@@ -76,6 +78,7 @@ impl PackedFrame {
             })
         };
         let (matte, glossy) = (signal(Signal::Matte), signal(Signal::Glossy));
+        let joint = frame.passes.iter().map(|pass| colour(Some(pass.plane), PlaneName::Passes)).collect();
         Ok(Self {
             guides: pack_guides(&guides, storage),
             has_roughness: guides.has_roughness,
@@ -83,6 +86,7 @@ impl PackedFrame {
             direct,
             matte,
             glossy,
+            joint,
             sanitised,
         })
     }
