@@ -6,7 +6,7 @@ use crate::args::ranges::Frames;
 use crate::context::Context;
 use crate::failure::Failure;
 use crate::progress::Progress;
-use crate::{interrupt, output};
+use crate::{allocator, interrupt, output};
 use quell::sequence::SequenceSettings;
 use quell_frames::adapt::{AdaptOptions, MotionChoice};
 use quell_frames::driver::{Destination, Event, Existing, Fate, Job, JobOptions, Outcome, StageTime, Times, in_words};
@@ -43,6 +43,10 @@ pub fn run(context: &Context, settings: SequenceSettings, args: DenoiseArgs) -> 
         return context.finish(&report(context, &job, None, &[]), further(&job, None), "");
     }
     output::check_folder(job.folder())?;
+    // Bands are there because memory is short. Elsewhere freed planes are better kept: the same size is wanted again soon.
+    if job.memory()?.bands > 1 {
+        allocator::give_back_at_once();
+    }
     let (outcome, warnings) = filter(context, &job)?;
     if job.notes().is_empty() && !warnings.is_empty() {
         context.note(DOCTOR);
