@@ -28,4 +28,13 @@ pub struct ShadersArgs {
     #[arg(long, value_name = "LIST", default_value = "matte,glossy", value_delimiter = ',',
           value_parser = ["matte", "glossy"])]
     pub signals: Vec<String>,
+    /// How guides come: as the host's own textures, which the first dispatch reads, or packed by the host
+    #[arg(long, value_name = "NAME", default_value = "textures", value_parser = ["textures", "packed"])]
+    pub guides: String,
+    /// What those textures mean (units, signs, encodings): quell, bevy, upscaler or ndc; each can be changed in the manifest
+    #[arg(long, value_name = "NAME", default_value = "quell", value_parser = ["quell", "bevy", "upscaler", "ndc"])]
+    pub convention: String,
+    /// Count what is repaired of colours, too: a dispatch of its own
+    #[arg(long)]
+    pub count_repairs: bool,
 }

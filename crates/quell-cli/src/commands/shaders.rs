@@ -12,7 +12,7 @@ pub fn run(_: &Context, _: ShadersArgs) -> Result<(), Failure> {
 #[cfg(feature = "gpu")]
 pub fn run(context: &Context, args: ShadersArgs) -> Result<(), Failure> {
     use crate::output;
-    use quell::gpu::{Contents, SignalContents, Storage};
+    use quell::gpu::{Contents, Convention, SignalContents, Storage};
     use quell_lab::gpu::manifest::{Choice, files};
     use serde_json::Map;
 
@@ -20,10 +20,23 @@ pub fn run(context: &Context, args: ShadersArgs) -> Result<(), Failure> {
         let there = args.signals.iter().any(|s| s == name);
         there.then_some(SignalContents { weight: true, direct: false })
     };
-    let contents =
-        Contents { matte: signal("matte"), glossy: signal("glossy"), jitter: !args.no_jitter, ..Contents::USUAL };
+    let contents = Contents {
+        matte: signal("matte"),
+        glossy: signal("glossy"),
+        jitter: !args.no_jitter,
+        textures: args.guides == "textures",
+        counts: args.count_repairs,
+        ..Contents::USUAL
+    };
+    let convention = match args.convention.as_str() {
+        "bevy" => Convention::BEVY,
+        "upscaler" => Convention::UPSCALER,
+        "ndc" => Convention::NDC,
+        _ => Convention::QUELL,
+    };
     let storage = if args.storage == "float" { Storage::Float } else { Storage::Half };
-    let choice = Choice { settings: &context.settings, size: args.size, contents, storage, fuse: !args.unfused };
+    let (settings, size, fuse) = (&context.settings, args.size, !args.unfused);
+    let choice = Choice { settings, size, contents, convention, storage, fuse };
     let files = files(&choice)?;
     output::check_folder(&args.output)?;
     let mut written = Vec::new();

@@ -2,8 +2,8 @@
 //! bind and to dispatch. Both come from the program that [`quell::gpu::Denoiser`] walks (docs/shaders.md).
 
 use quell::gpu::{
-    Bound, Contents, Dispatch, FIRST_BINDING, Program, Resource, Role, SettingsUniforms, Slot, Storage, TAP_FRAMES,
-    Texel, Uniform, WORKGROUP, layouts, pack_taps,
+    BindingKind, Bound, Contents, Convention, Dispatch, FIRST_BINDING, Holds, PrepareUniforms, Program, Resource, Role,
+    Sample, SettingsUniforms, Slot, Storage, TAP_FRAMES, Texel, Uniform, WORKGROUP, layouts, pack_taps,
 };
 use quell::pipeline::Plan;
 use quell::{Settings, Size};
@@ -23,6 +23,8 @@ pub struct Choice<'a> {
     pub size: Size,
     /// What a frame has.
     pub contents: Contents,
+    /// What the host's guides mean, where they are textures.
+    pub convention: Convention,
     /// How planes are stored.
     pub storage: Storage,
     /// Stages that can share a pass do.
@@ -70,7 +72,16 @@ pub fn files(choice: &Choice<'_>) -> Result<Vec<File>, quell::Error> {
 
 fn manifest(choice: &Choice<'_>, program: &Program) -> Value {
     let structs = layouts();
+    let mut told = vec!["Frame", "Settings", "SpiralTap"];
+    let mut uniforms = vec![json!({ "name": "frame", "binding": 0, "struct": "Frame" })];
     let settings = SettingsUniforms::of(choice.settings, choice.size, choice.contents).bytes();
+    let settings = values(&structs, "Settings", &settings);
+    uniforms.push(json!({ "name": "settings", "binding": 1, "struct": "Settings", "values": settings }));
+    for resource in &program.resources {
+        let Holds::Uniform(of) = resource.holds else { continue };
+        told.push(of);
+        uniforms.push(prepare(choice, &structs, resource.slot.name(), of));
+    }
     let named = |index: usize| program.resources.get(index).map(|r| r.slot.name());
     let shown = program.shown;
     json!({
@@ -78,12 +89,9 @@ fn manifest(choice: &Choice<'_>, program: &Program) -> Value {
         "quell": env!("CARGO_PKG_VERSION"),
         "size": { "width": choice.size.width, "height": choice.size.height },
         "storage": match program.storage { Storage::Half => "half", Storage::Float => "float" },
-        "resources": program.resources.iter().map(|r| resource(choice, program, r)).collect::<Vec<_>>(),
-        "structs": reached(&structs, &["Frame", "Settings", "SpiralTap"]).into_iter().map(layout).collect::<Map<_, _>>(),
-        "uniforms": [
-            { "name": "frame", "binding": 0, "struct": "Frame" },
-            { "name": "settings", "binding": 1, "struct": "Settings", "values": values(&structs, "Settings", &settings) },
-        ],
+        "resources": program.resources.iter().filter(|r| r.role != Role::Uniform).map(|r| resource(choice, program, r)).collect::<Vec<_>>(),
+        "structs": reached(&structs, &told).into_iter().map(layout).collect::<Map<_, _>>(),
+        "uniforms": uniforms,
         "dispatches": program
             .dispatches
             .iter()
@@ -99,6 +107,16 @@ fn manifest(choice: &Choice<'_>, program: &Program) -> Value {
             "history_length": shown.length.and_then(named),
         },
     })
+}
+
+/// The border's uniform: what the convention says, and which members every frame tells anew.
+fn prepare(choice: &Choice<'_>, structs: &[Uniform], name: &str, of: &str) -> Value {
+    let bytes = PrepareUniforms::of_convention(&choice.convention, choice.size).bytes();
+    let mut said = values(structs, of, &bytes);
+    if let Value::Object(said) = &mut said {
+        said.retain(|member, _| !PrepareUniforms::PER_FRAME.contains(&member.as_str()));
+    }
+    json!({ "name": name, "struct": of, "values": said, "per_frame": PrepareUniforms::PER_FRAME })
 }
 
 /// What shaders read, by name: size, and members with type and offset.
@@ -130,6 +148,7 @@ fn values(structs: &[Uniform], name: &str, bytes: &[u8]) -> Value {
         let value = match m.ty {
             "u32" => json!(u32::from_le_bytes(word(m.offset))),
             "f32" => json!(f32::from_le_bytes(word(m.offset))),
+            "vec2f" => json!([0, 4].map(|at| f32::from_le_bytes(word(m.offset + at)))),
             inner => values(structs, inner, bytes.get(m.offset..).unwrap_or_default()),
         };
         (m.name.to_owned(), value)
@@ -143,28 +162,46 @@ fn resource(choice: &Choice<'_>, program: &Program, resource: &Resource) -> Valu
         "role": role_name(resource.role),
         "copies": if resource.alternates { 2 } else { 1 },
     });
-    let further = match resource.texel {
-        Some(texel) if resource.role == Role::Input => {
+    let further = match (resource.holds, resource.slot) {
+        (Holds::Plane(texel), _) if resource.role == Role::Input => {
             json!({ "kind": "texture_2d", "format": "any of floats", "sample_type": sample_type(texel),
                     "width": "width", "height": "height" })
         }
-        Some(texel) => json!({
+        (Holds::Plane(texel), _) => json!({
             "kind": "texture_2d",
             "format": texel.format_name(program.storage),
             "bytes_per_texel": texel.bytes(program.storage),
             "width": "width",
             "height": "height",
         }),
-        None => {
-            let bytes = pack_taps(choice.settings, resource.slot, choice.size.height, 0).len();
-            json!({ "kind": "buffer", "struct": "SpiralTap", "bytes": bytes, "file": taps_name(resource.slot),
+        (Holds::Host(sample), Slot::Guide(plane)) => {
+            let (name, format) = sample_names(sample);
+            let stand_in = resource.absent.and_then(|index| program.resources.get(index)).map(|r| r.slot.name());
+            json!({ "kind": "texture_2d", "format": format, "sample_type": name, "width": "width", "height": "height",
+                    "optional": true, "there": plane.there(), "if_absent": stand_in })
+        }
+        (Holds::Host(sample), _) => {
+            let format = format!("{:?}", sample.absent_format()).to_lowercase();
+            json!({ "kind": "texture_2d", "format": format, "sample_type": sample_names(sample).0,
+                    "width": "1", "height": "1" })
+        }
+        (Holds::Counts(count), _) => json!({ "kind": "buffer", "bytes": 4 * count }),
+        (Holds::Uniform(of), _) => json!({ "kind": "uniform", "struct": of }),
+        (Holds::Taps, slot) => {
+            let bytes = pack_taps(choice.settings, slot, choice.size.height, 0).len();
+            json!({ "kind": "buffer", "struct": "SpiralTap", "bytes": bytes, "file": taps_name(slot),
                     "period": TAP_FRAMES })
         }
     };
-    if let (Value::Object(value), Value::Object(further)) = (&mut value, further) {
+    extend(&mut value, further);
+    value
+}
+
+/// The members of one object into another.
+fn extend(value: &mut Value, further: Value) {
+    if let (Value::Object(value), Value::Object(further)) = (value, further) {
         value.extend(further);
     }
-    value
 }
 
 fn dispatch(program: &Program, index: usize, dispatch: &Dispatch) -> Value {
@@ -173,22 +210,24 @@ fn dispatch(program: &Program, index: usize, dispatch: &Dispatch) -> Value {
     let bindings = (FIRST_BINDING..).zip(dispatch.pass.bindings).zip(&dispatch.bound);
     let bindings = bindings.map(|((number, binding), bound)| {
         let Bound { resource, before } = *bound;
-        let mut value = json!({
-            "binding": number,
-            "name": binding.name,
-            "resource": program.resources.get(resource).map(|r| r.slot.name()),
-            "copy": if before { "before" } else { "this" },
-        });
-        use quell::gpu::BindingKind as Kind;
+        let name = program.resources.get(resource).map(|r| r.slot.name());
+        let mut value = json!({ "binding": number, "name": binding.name });
+        use BindingKind as Kind;
+        if let Kind::Uniform(_) = binding.kind {
+            extend(&mut value, json!({ "kind": "uniform", "uniform": name }));
+            return value;
+        }
+        extend(&mut value, json!({ "resource": name, "copy": if before { "before" } else { "this" } }));
         let further = match binding.kind {
             Kind::Sampled(texel) => json!({ "kind": "texture", "sample_type": sample_type(texel) }),
             Kind::Stored(texel) => json!({ "kind": "storage_texture", "access": "write-only",
                                            "format": texel.format_name(program.storage) }),
+            Kind::Host(sample) => json!({ "kind": "texture", "sample_type": sample_names(sample).0 }),
             Kind::Taps => json!({ "kind": "read-only-storage" }),
+            Kind::Counts(_) => json!({ "kind": "storage" }),
+            Kind::Uniform(_) => Value::Null,
         };
-        if let (Value::Object(value), Value::Object(further)) = (&mut value, further) {
-            value.extend(further);
-        }
+        extend(&mut value, further);
         value
     });
     json!({
@@ -212,11 +251,23 @@ const fn role_name(role: Role) -> &'static str {
         Role::Output => "output",
         Role::Transient => "transient",
         Role::Taps => "taps",
+        Role::Uniform => "uniform",
+        Role::Counts => "counts",
+        Role::Absent => "absent",
     }
 }
 
 fn sample_type(texel: Texel) -> &'static str {
     if texel.component() == "u32" { "uint" } else { "unfilterable-float" }
+}
+
+/// What WebGPU calls it in a layout of bindings, and which formats fit.
+const fn sample_names(sample: Sample) -> (&'static str, &'static str) {
+    match sample {
+        Sample::Float => ("unfilterable-float", "any of floats"),
+        Sample::Uint => ("uint", "any of unsigned integers"),
+        Sample::Depth => ("depth", "any of depths"),
+    }
 }
 
 fn shader_name(index: usize, dispatch: &Dispatch) -> String {

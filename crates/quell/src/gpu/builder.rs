@@ -1,7 +1,9 @@
 //! From the plan to the program: which stages share a pass, where each image lies, what every pass binds.
 
-use super::pass::{Binding, BindingKind, Pass};
-use super::program::{Bound, Contents, Dispatch, Program, Resource, Role, Shown, SignalContents, Slot};
+use super::inputs::GuidePlane;
+use super::pass::{Binding, BindingKind, Pass, Sample};
+use super::program::{Bound, Contents, Dispatch, Holds, Program, Resource, Role, Shown, SignalContents};
+use super::slot::Slot;
 use super::storage::{Storage, Texel};
 use crate::frame::Signal;
 use crate::pipeline::{Image, Plan, Stage, Step};
@@ -31,7 +33,7 @@ impl<'a> Builder<'a> {
             .zip(step(Stage::Firefly))
             // What shares stage 6's choice has to see what stage 6 saw.
             .filter(|(blend, median)| fuse && median.input == blend.output && self.contents.joint[0] == 0);
-        let mut dispatches = Vec::new();
+        let mut dispatches = self.border();
         for step in &plan.steps {
             let (pass, places) = match (step.stage, both_temporal, blend_and_median) {
                 (Stage::MatteTemporal, Some((matte, glossy)), _) => (Pass::TEMPORAL, {
@@ -60,8 +62,42 @@ impl<'a> Builder<'a> {
     }
 
     fn dispatch(&mut self, step: &Step, pass: Pass, places: Vec<Place>) -> Dispatch {
-        let bound = places.into_iter().zip(pass.bindings).map(|(place, b)| self.bind(place, b)).collect();
-        Dispatch { pass, host_input: self.filters_host_image(step), bound }
+        Dispatch { pass, host_input: self.filters_host_image(step), bound: self.bound(&pass, places) }
+    }
+
+    fn bound(&mut self, pass: &Pass, places: impl IntoIterator<Item = Place>) -> Vec<Bound> {
+        places.into_iter().zip(pass.bindings).map(|(place, b)| self.bind(place, b)).collect()
+    }
+
+    /// What comes before the stages.
+    fn border(&mut self) -> Vec<Dispatch> {
+        let contents = self.contents;
+        let mut dispatches = Vec::new();
+        let mut add = |pass: Pass, slots: Vec<Slot>| {
+            let bound = self.bound(&pass, slots.into_iter().map(|slot| (slot, false)));
+            dispatches.push(Dispatch { pass, host_input: false, bound });
+        };
+        if contents.textures {
+            let told = [Slot::Prepare, Slot::Repairs].into_iter();
+            let given = GuidePlane::ALL.map(Slot::Guide);
+            add(Pass::PREPARE, told.chain(given).chain(GUIDES.map(|(slot, _)| slot)).collect());
+        }
+        if contents.counts {
+            let [matte, glossy] = [contents.matte, contents.glossy];
+            let has = |signal: Option<SignalContents>, of: fn(SignalContents) -> bool| signal.is_some_and(of);
+            let colours = [
+                (contents.direct, Slot::Image(Image::DirectInput)),
+                (matte.is_some(), Slot::Image(Image::MatteInput)),
+                (glossy.is_some(), Slot::Image(Image::GlossyInput)),
+                (has(matte, |s| s.direct), Slot::DirectMatte),
+                (has(glossy, |s| s.direct), Slot::DirectGlossy),
+                (has(matte, |s| s.weight), Slot::MatteWeight),
+                (has(glossy, |s| s.weight), Slot::GlossyWeight),
+            ];
+            let slots = colours.map(|(there, slot)| if there { slot } else { Slot::Absent(Sample::Float) });
+            add(Pass::COUNT_REPAIRS, [Slot::Repairs].into_iter().chain(slots).collect());
+        }
+        dispatches
     }
 
     /// The dispatches of a step for the planes that are tied to its signal: after the signal's own.
@@ -189,25 +225,36 @@ impl<'a> Builder<'a> {
     }
 
     fn bind(&mut self, (slot, before): Place, binding: &Binding) -> Bound {
-        let texel = match binding.kind {
-            BindingKind::Sampled(texel) | BindingKind::Stored(texel) => Some(texel),
-            BindingKind::Taps => None,
+        let holds = match (binding.kind, slot) {
+            (_, Slot::Absent(sample)) | (BindingKind::Host(sample), _) => Holds::Host(sample),
+            (BindingKind::Sampled(texel) | BindingKind::Stored(texel), _) => Holds::Plane(texel),
+            (BindingKind::Taps, _) => Holds::Taps,
+            (BindingKind::Counts(count), _) => Holds::Counts(count),
+            (BindingKind::Uniform(name), _) => Holds::Uniform(name),
         };
-        Bound { resource: self.index(slot, texel), before }
+        Bound { resource: self.index(slot, holds), before }
     }
 
-    fn index(&mut self, slot: Slot, texel: Option<Texel>) -> usize {
+    fn index(&mut self, slot: Slot, holds: Holds) -> usize {
         if let Some(index) = self.resources.iter().position(|r| r.slot == slot) {
             return index;
         }
+        let is_packed = !self.contents.textures;
         let role = match slot {
-            Slot::Geometry | Slot::Surface | Slot::Moving => Role::Guides,
+            Slot::Geometry | Slot::Surface | Slot::Moving if is_packed => Role::Guides,
             Slot::PrefilterTaps | Slot::BilateralTaps => Role::Taps,
+            Slot::Prepare => Role::Uniform,
+            Slot::Repairs => Role::Counts,
+            Slot::Absent(_) => Role::Absent,
             slot if slot.is_input() => Role::Input,
             slot if slot.alternates() => Role::Persistent,
             _ => Role::Transient,
         };
-        self.resources.push(Resource { slot, texel, role, alternates: slot.alternates() });
+        let absent = match slot {
+            Slot::Guide(plane) => Some(self.index(Slot::Absent(plane.sample()), Holds::Host(plane.sample()))),
+            _ => None,
+        };
+        self.resources.push(Resource { slot, holds, role, alternates: slot.alternates(), absent });
         self.resources.len() - 1
     }
 
@@ -215,7 +262,7 @@ impl<'a> Builder<'a> {
         let (plan, contents) = (self.plan, self.contents);
         let mut image = |image| {
             let slot = self.place(image).0;
-            self.index(slot, Some(Texel::Colour))
+            self.index(slot, Holds::Plane(Texel::Colour))
         };
         let composite = plan.runs(Stage::Composite).then(|| image(Image::Composite));
         let direct = contents.direct.then(|| image(plan.direct_output));
@@ -225,7 +272,7 @@ impl<'a> Builder<'a> {
             .into_iter()
             .find_map(|stage| plan.steps.iter().find(|s| s.stage == stage));
         let confidence = temporal.map(|step| image(step.output));
-        let length = temporal.map(|step| self.index(Self::history_of(step.stage).1, Some(Texel::Number)));
+        let length = temporal.map(|step| self.index(Self::history_of(step.stage).1, Holds::Plane(Texel::Number)));
         Shown { composite, direct, matte, glossy, confidence, length }
     }
 
@@ -240,7 +287,7 @@ impl<'a> Builder<'a> {
                 _ => image,
             };
             let count = self.contents.joint[signal as usize];
-            (0..count).map(|index| self.index(Slot::Joint { signal, index, image }, Some(Texel::Colour))).collect()
+            (0..count).map(|index| self.index(Slot::Joint { signal, index, image }, Holds::Plane(Texel::Colour))).collect()
         })
     }
 

@@ -1,4 +1,4 @@
-//! A compute pipeline whose bindings are not those of a stage: the border's and the debug views'.
+//! A compute pipeline whose bindings are not those of a stage: the debug views'.
 
 use super::pass::WORKGROUP;
 use super::storage::Texel;
@@ -8,12 +8,9 @@ use crate::plane::Size;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Kind {
     Uniform(&'static str),
-    /// Counts, 32 bits each.
-    Counts(u32),
     /// Taps, which are only read.
     Taps,
     Float,
-    Depth,
     Uint,
     /// A storage texture that is written.
     Stored(wgpu::TextureFormat),
@@ -31,10 +28,8 @@ impl Kind {
         let texture = |sample_type| wgpu::BindingType::Texture { sample_type, view_dimension, multisampled: false };
         match self {
             Self::Uniform(_) => buffer(wgpu::BufferBindingType::Uniform),
-            Self::Counts(_) => buffer(wgpu::BufferBindingType::Storage { read_only: false }),
             Self::Taps => buffer(wgpu::BufferBindingType::Storage { read_only: true }),
             Self::Float => texture(wgpu::TextureSampleType::Float { filterable: false }),
-            Self::Depth => texture(wgpu::TextureSampleType::Depth),
             Self::Uint => texture(wgpu::TextureSampleType::Uint),
             Self::Stored(format) => wgpu::BindingType::StorageTexture {
                 access: wgpu::StorageTextureAccess::WriteOnly,
@@ -47,10 +42,8 @@ impl Kind {
     fn declared(self, binding: u32, name: &str) -> String {
         let (space, ty) = match self {
             Self::Uniform(ty) => ("<uniform>", ty.to_owned()),
-            Self::Counts(count) => ("<storage, read_write>", format!("array<atomic<u32>, {count}>")),
             Self::Taps => ("<storage, read>", "array<SpiralTap>".to_owned()),
             Self::Float => ("", "texture_2d<f32>".to_owned()),
-            Self::Depth => ("", "texture_depth_2d".to_owned()),
             Self::Uint => ("", "texture_2d<u32>".to_owned()),
             Self::Stored(format) => {
                 ("", format!("texture_storage_2d<{}, write>", format!("{format:?}").to_lowercase()))

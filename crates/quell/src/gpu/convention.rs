@@ -1,5 +1,6 @@
 //! What a host's guides mean: units, signs, encodings. The prepare pass turns them into those of the frame contract.
 
+use super::inputs::{GuidePlane, GuideTextures, Scalar, unit_tolerance};
 use super::uniform::{Value, uniforms};
 use crate::camera::{Camera, Projection};
 use crate::plane::Size;
@@ -126,7 +127,7 @@ impl Default for Convention {
 
 uniforms! {
     /// What the prepare pass is told of a frame: twin of `Prepare` in `passes/prepare.wgsl`.
-    pub(super) PrepareUniforms as "Prepare" {
+    pub PrepareUniforms as "Prepare" {
         device_z: Vec4,
         right: Vec3,
         device_far: f32,
@@ -146,46 +147,65 @@ uniforms! {
 }
 
 impl PrepareUniforms {
-    /// `cameras`: this frame's and the one's before. `projection`: this camera's, for `size`. `channels`: of roughness,
-    /// glossy hit distance, confidence. `there`: a bit for each plane, `HAS_*` in WGSL.
-    pub(super) fn new(
-        convention: &Convention,
-        cameras: [&Camera; 2],
-        projection: &Projection,
-        size: Size,
-        unit_tolerance: f32,
-        channels: [u32; 3],
-        there: u32,
-    ) -> Self {
-        let [camera, previous] = cameras;
-        let (right, up) = axes(camera, projection);
-        let (device_z, device_far) = device(camera, projection);
+    /// Members that cameras and textures tell, anew for every frame; the others follow from the convention, or have a
+    /// default.
+    pub const PER_FRAME: [&'static str; 6] = ["device_z", "right", "device_far", "up", "motion_shift", "there"];
+
+    /// What a convention says for frames of `size`. Those of [`PrepareUniforms::PER_FRAME`] are zero, scalars lie in their
+    /// textures' first channels, and normals are unit vectors but for rounding to floats or halves.
+    pub fn of_convention(convention: &Convention, size: Size) -> Self {
         let unit = match convention.motion_unit {
             MotionUnit::Pixels => Vec2::ONE,
             MotionUnit::Extents => Vec2::new(size.width as f32, size.height as f32),
         };
-        // A jittered frame shows a point at its place minus the jitter.
-        let shift = Vec2::from(previous.jitter) - Vec2::from(camera.jitter);
         Self {
-            device_z,
-            right,
-            device_far,
-            up,
-            unit_tolerance,
+            device_z: Vec4::ZERO,
+            right: Vec3::ZERO,
+            device_far: 0.0,
+            up: Vec3::ZERO,
+            unit_tolerance: crate::border::UNIT_TOLERANCE,
             motion_scale: Vec2::from(convention.motion_scale) * unit,
-            motion_shift: if convention.motion_has_jitter { shift } else { Vec2::ZERO },
+            motion_shift: Vec2::ZERO,
             depth: convention.depth as u32,
             normal: convention.normal as u32,
             normal_in_view: u32::from(convention.normal_space == NormalSpace::View),
             roughness_is_alpha: u32::from(convention.roughness == RoughnessKind::Alpha),
-            roughness_channel: channels[0],
-            glossy_hit_channel: channels[1],
-            confidence_channel: channels[2],
-            there,
+            roughness_channel: 0,
+            glossy_hit_channel: 0,
+            confidence_channel: 0,
+            there: 0,
         }
     }
 
-    pub(super) fn bytes(&self) -> Vec<u8> {
+    /// For a frame of `size` with these guides; `cameras`: its own, whose row z counts with [`DepthKind::Device`], and the
+    /// one of the frame before. `None`: its camera cannot be used.
+    pub fn new(cameras: [&Camera; 2], size: Size, guides: &GuideTextures<'_>) -> Option<Self> {
+        let [camera, previous] = cameras;
+        let projection = camera.projection(size)?;
+        let (right, up) = axes(camera, &projection);
+        let (device_z, device_far) = device(camera, &projection);
+        // A jittered frame shows a point at its place minus the jitter.
+        let shift = Vec2::from(previous.jitter) - Vec2::from(camera.jitter);
+        let channel = |s: Option<Scalar<'_>>| s.map_or(0, |s| s.channel as u32);
+        let there = GuidePlane::ALL.into_iter().filter(|plane| guides.given(*plane).is_some());
+        let convention = Self::of_convention(&guides.convention, size);
+        Some(Self {
+            device_z,
+            right,
+            device_far,
+            up,
+            unit_tolerance: guides.normal.map_or(convention.unit_tolerance, |v| unit_tolerance(v.texture().format())),
+            motion_shift: if guides.convention.motion_has_jitter { shift } else { Vec2::ZERO },
+            roughness_channel: channel(guides.roughness),
+            glossy_hit_channel: channel(guides.glossy_hit_distance),
+            confidence_channel: channel(guides.confidence_in),
+            there: there.fold(0, |all, plane| all | plane.there()),
+            ..convention
+        })
+    }
+
+    /// What the uniform buffer holds.
+    pub fn bytes(&self) -> Vec<u8> {
         let mut out = Vec::new();
         self.write(&mut out);
         out

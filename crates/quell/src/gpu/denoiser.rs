@@ -1,5 +1,6 @@
 //! The whole plan on the GPU: walks the program, in the caller's encoder.
 
+use super::convention::PrepareUniforms;
 use super::debug::{DebugInputs, DebugTarget, DebugView, DebugViews};
 use super::error::Error;
 use super::frame::{Frame, Guides, Output};
@@ -7,9 +8,9 @@ use super::kernel::{Bindable, Kernel, Told, workgroups};
 use super::options::Options;
 use super::pass::Pass;
 use super::planes::{Planes, extent_of};
-use super::prepare::{Border, Prepare};
-use super::program::{Bound, Contents, Dispatch, Memory, Program, Role, Slot};
+use super::program::{Bound, Contents, Dispatch, Memory, Program, Role};
 use super::repairs::Repairs;
+use super::slot::Slot;
 use super::storage::Storage;
 use super::timing::{Timing, Timings};
 use super::told::pack_taps;
@@ -38,7 +39,7 @@ pub struct Denoiser {
     /// Which copy of what alternates this frame writes: 0 or 1.
     turn: usize,
     /// Made when guides first come as textures, or repairs are to be counted.
-    border: Option<Prepare>,
+    repairs: Option<Repairs>,
     /// What the last frame was told, for debug views.
     last: Option<(Size, Small)>,
 }
@@ -85,6 +86,7 @@ struct Small {
     frame: wgpu::Buffer,
     settings: wgpu::Buffer,
     taps: HashMap<Slot, wgpu::Buffer>,
+    prepare: Option<wgpu::Buffer>,
     /// The host's textures in an image's place, for debug views.
     hosts: HashMap<Slot, wgpu::TextureView>,
 }
@@ -118,7 +120,7 @@ impl Denoiser {
             before: None,
             timings: options.timings.then(|| Timings::new(device, &options.label)).flatten(),
             turn: 0,
-            border: None,
+            repairs: None,
             last: None,
         })
     }
@@ -217,13 +219,22 @@ impl Denoiser {
             has_glossy_hit: frame.guides.has_glossy_hit(),
             has_roughness: frame.guides.has_roughness(),
         };
+        let prepared = match &frame.guides {
+            Guides::Textures(textures) => {
+                let cameras = [&frame.camera, &frame.previous_camera];
+                let told = PrepareUniforms::new(cameras, size, textures);
+                Some(told.ok_or(crate::Error::Camera { which: "camera" })?)
+            }
+            Guides::Packed(_) => None,
+        };
         let keys = frame.keys();
         let valid = self.ledger.open_keyed(frame.index, keys);
-        self.prepare(device, frame.contents());
+        self.prepare(device, Contents { counts: self.options.count_repairs, ..frame.contents() });
         self.check_targets(frame)?;
         self.turn = 1 - self.turn;
-        let small = self.small(device, frame, &cameras, valid);
-        let repairs = self.take_guides(device, encoder, frame, &small)?;
+        let small = self.small(device, frame, &cameras, valid, prepared);
+        self.take_packed(encoder, frame);
+        let repairs = self.cleared_repairs(device, encoder);
         let told = Told { frame: &small.frame, settings: &small.settings };
         let mut timings = self.timings.take();
         timings.iter_mut().for_each(Timings::clear);
@@ -243,44 +254,23 @@ impl Denoiser {
         Ok(self.output(frame, valid, repairs))
     }
 
-    /// This frame's guides into the denoiser's own planes: copied, or made from the host's textures.
-    fn take_guides(
-        &mut self,
-        device: &wgpu::Device,
-        encoder: &mut wgpu::CommandEncoder,
-        frame: &Frame<'_>,
-        small: &Small,
-    ) -> Result<Option<Repairs>, Error> {
-        let counts = self.options.count_repairs;
-        let textures = match frame.guides {
-            Guides::Textures(textures) => Some(textures),
-            Guides::Packed(packed) => {
-                for (slot, _, view) in packed.planes() {
-                    if let Some(own) = self.planes.view(slot, false, self.turn) {
-                        let (from, to) = (view.texture().as_image_copy(), own.texture().as_image_copy());
-                        encoder.copy_texture_to_texture(from, to, extent_of(frame.size));
-                    }
-                }
-                None
+    /// Packed guides into the denoiser's own planes.
+    fn take_packed(&self, encoder: &mut wgpu::CommandEncoder, frame: &Frame<'_>) {
+        let Guides::Packed(packed) = frame.guides else { return };
+        for (slot, _, view) in packed.planes() {
+            if let Some(own) = self.planes.view(slot, false, self.turn) {
+                let (from, to) = (view.texture().as_image_copy(), own.texture().as_image_copy());
+                encoder.copy_texture_to_texture(from, to, extent_of(frame.size));
             }
-        };
-        if textures.is_none() && !counts {
-            return Ok(None);
         }
-        let storage = self.options.storage;
-        let border = self.border.get_or_insert_with(|| Prepare::new(device, storage));
-        let own = |slot| self.planes.view(slot, false, self.turn);
-        let out = [own(Slot::Geometry), own(Slot::Surface), own(Slot::Moving)];
-        let [Some(geometry), Some(surface), Some(moving)] = out else { return Ok(None) };
-        let told = Border {
-            camera: frame.camera,
-            previous_camera: frame.previous_camera,
-            size: frame.size,
-            planes: textures,
-            colours: counts.then(|| frame.colours()),
-        };
-        border.encode(device, encoder, &small.frame, &told, [geometry, surface, moving])?;
-        Ok(Some(border.repairs().clone()))
+    }
+
+    /// Zero before the frame, where the program counts.
+    fn cleared_repairs(&mut self, device: &wgpu::Device, encoder: &mut wgpu::CommandEncoder) -> Option<Repairs> {
+        self.program.2.resources.iter().find(|r| r.role == Role::Counts)?;
+        let repairs = self.repairs.get_or_insert_with(|| Repairs::new(device, &self.options.label));
+        repairs.clear(encoder);
+        Some(repairs.clone())
     }
 
     /// A target that nothing writes is a mistake.
@@ -336,7 +326,14 @@ impl Denoiser {
         self.program = (plan, contents, program);
     }
 
-    fn small(&self, device: &wgpu::Device, frame: &Frame<'_>, cameras: &Cameras, valid: Validity) -> Small {
+    fn small(
+        &self,
+        device: &wgpu::Device,
+        frame: &Frame<'_>,
+        cameras: &Cameras,
+        valid: Validity,
+        prepared: Option<PrepareUniforms>,
+    ) -> Small {
         let (settings, rows) = (&self.options.settings, frame.size.height);
         let told = SettingsUniforms::of(settings, frame.size, frame.contents());
         let frame_told = FrameUniforms::from_cameras(cameras, self.before.as_ref(), valid);
@@ -350,6 +347,7 @@ impl Denoiser {
             frame: uniform("frame", &frame_told.bytes()),
             settings: uniform("settings", &told.bytes()),
             taps: taps.collect(),
+            prepare: prepared.map(|told| uniform("prepare", &told.bytes())),
             hosts: self.hosts(frame),
         }
     }
@@ -368,7 +366,12 @@ impl Denoiser {
         let resource = self.program.2.resources.get(bound.resource)?;
         match resource.role {
             Role::Taps => small.taps.get(&resource.slot).map(Bindable::Taps),
-            Role::Input => frame.input(resource.slot).map(Bindable::Plane),
+            Role::Uniform => small.prepare.as_ref().map(Bindable::Uniform),
+            Role::Counts => self.repairs.as_ref().map(|repairs| Bindable::Counts(repairs.buffer())),
+            Role::Input => {
+                let stand_in = || self.planes.view(self.program.2.resources.get(resource.absent?)?.slot, false, 0);
+                frame.input(resource.slot).or_else(stand_in).map(Bindable::Plane)
+            }
             _ => {
                 let target = self.target(bound.resource, frame).filter(|_| !bound.before);
                 target.or(self.planes.view(resource.slot, bound.before, self.turn)).map(Bindable::Plane)

@@ -3,8 +3,9 @@
 use super::error::Error;
 use super::inputs::GuideTextures;
 use super::kernel::check_sampled;
-use super::program::{Contents, SignalContents, Slot};
+use super::program::{Contents, SignalContents};
 use super::repairs::Repairs;
+use super::slot::Slot;
 use super::storage::{Storage, Texel};
 use crate::camera::Camera;
 use crate::frame::Signal as Lobe;
@@ -174,21 +175,7 @@ impl<'a> Frame<'a> {
         Lobe::ALL.map(|signal| passes_key(self.joint_of(signal).map(|p| p.name)))
     }
 
-    /// The colours in the order in which repairs are counted.
-    pub(super) fn colours(&self) -> [Option<&'a wgpu::TextureView>; 7] {
-        let (matte, glossy) = (self.matte, self.glossy);
-        [
-            self.direct,
-            matte.map(|s| s.light),
-            glossy.map(|s| s.light),
-            matte.and_then(|s| s.direct),
-            glossy.and_then(|s| s.direct),
-            matte.and_then(|s| s.weight),
-            glossy.and_then(|s| s.weight),
-        ]
-    }
-
-    /// Which planes there are.
+    /// Which planes there are. Whether repairs are counted is the denoiser's to say.
     pub fn contents(&self) -> Contents {
         Contents {
             matte: self.matte.map(|s| s.contents()),
@@ -196,6 +183,8 @@ impl<'a> Frame<'a> {
             direct: self.direct.is_some(),
             jitter: self.camera.jitter != [0.0; 2],
             joint: Lobe::ALL.map(|signal| self.joint_of(signal).count() as u16),
+            textures: matches!(self.guides, Guides::Textures(_)),
+            counts: false,
         }
     }
 
@@ -212,6 +201,10 @@ impl<'a> Frame<'a> {
             Slot::GlossyWeight => self.glossy?.weight,
             Slot::DirectMatte => self.matte?.direct,
             Slot::DirectGlossy => self.glossy?.direct,
+            Slot::Guide(plane) => match &self.guides {
+                Guides::Textures(textures) => textures.given(plane),
+                Guides::Packed(_) => None,
+            },
             _ => None,
         }
     }

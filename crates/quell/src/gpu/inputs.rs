@@ -3,6 +3,7 @@
 use super::convention::Convention;
 use super::error::Error;
 use super::kernel::check_texture;
+use super::pass::Sample;
 use crate::plane::Size;
 
 /// A channel of a texture.
@@ -56,6 +57,90 @@ pub struct GuideTextures<'a> {
     pub surface_id: Option<&'a wgpu::TextureView>,
     /// The host's trust in history, 0..1; 0 resets that pixel.
     pub confidence_in: Option<Scalar<'a>>,
+}
+
+/// A texture of [`GuideTextures`] as the border's pass binds it: depths have a place for each of their two kinds of format.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum GuidePlane {
+    /// [`GuideTextures::view_depth`] in a depth format.
+    DepthBuffer,
+    /// [`GuideTextures::view_depth`] in any other format.
+    ViewDepth,
+    /// [`GuideTextures::normal`].
+    Normal,
+    /// [`GuideTextures::motion`].
+    Motion,
+    /// [`GuideTextures::roughness`].
+    Roughness,
+    /// [`GuideTextures::glossy_hit_distance`].
+    GlossyHit,
+    /// [`GuideTextures::surface_id`].
+    SurfaceId,
+    /// [`GuideTextures::confidence_in`].
+    ConfidenceIn,
+}
+
+impl GuidePlane {
+    /// In the order of the pass's bindings.
+    pub const ALL: [Self; 8] = [
+        Self::DepthBuffer,
+        Self::ViewDepth,
+        Self::Normal,
+        Self::Motion,
+        Self::Roughness,
+        Self::GlossyHit,
+        Self::SurfaceId,
+        Self::ConfidenceIn,
+    ];
+
+    /// For listings.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::DepthBuffer => "depth buffer",
+            Self::ViewDepth => "view depth",
+            Self::Normal => "normal",
+            Self::Motion => "motion",
+            Self::Roughness => "roughness",
+            Self::GlossyHit => "glossy hit distance",
+            Self::SurfaceId => "surface id",
+            Self::ConfidenceIn => "confidence in",
+        }
+    }
+
+    /// How the pass reads it.
+    pub const fn sample(self) -> Sample {
+        match self {
+            Self::DepthBuffer => Sample::Depth,
+            Self::SurfaceId => Sample::Uint,
+            _ => Sample::Float,
+        }
+    }
+
+    /// What it adds to `Prepare.there` where the host has it: `HAS_*` of `passes/prepare.wgsl`.
+    pub const fn there(self) -> u32 {
+        match self {
+            Self::DepthBuffer => 1 | Self::ViewDepth.there(),
+            Self::ViewDepth => 2,
+            Self::Normal => 4,
+            Self::Motion => 8,
+            Self::Roughness => 16,
+            Self::GlossyHit => 32,
+            Self::SurfaceId => 64,
+            Self::ConfidenceIn => 128,
+        }
+    }
+
+    /// Bytes of a texel in the formats that byte counts take for the host's: rgba16float normals, rg16float motion, a
+    /// material texture of four bytes for roughness, half floats for hit distances, one byte of trust. Depth counts once.
+    pub const fn usual_bytes(self) -> u32 {
+        match self {
+            Self::DepthBuffer => 0,
+            Self::Normal => 8,
+            Self::ViewDepth | Self::Motion | Self::Roughness | Self::SurfaceId => 4,
+            Self::GlossyHit => 2,
+            Self::ConfidenceIn => 1,
+        }
+    }
 }
 
 /// What a plane asks of its texture.
@@ -112,6 +197,22 @@ pub(super) fn check(plane: &'static str, view: &wgpu::TextureView, asks: Asks, s
 }
 
 impl<'a> GuideTextures<'a> {
+    /// What the host has for a place.
+    pub(super) fn given(&self, plane: GuidePlane) -> Option<&'a wgpu::TextureView> {
+        let depth = |wanted| self.view_depth.filter(|view| is_depth(view.texture().format()) == wanted);
+        let scalar = |scalar: Option<Scalar<'a>>| scalar.map(|s| s.view);
+        match plane {
+            GuidePlane::DepthBuffer => depth(true),
+            GuidePlane::ViewDepth => depth(false),
+            GuidePlane::Normal => self.normal,
+            GuidePlane::Motion => self.motion,
+            GuidePlane::Roughness => scalar(self.roughness),
+            GuidePlane::GlossyHit => scalar(self.glossy_hit_distance),
+            GuidePlane::SurfaceId => self.surface_id,
+            GuidePlane::ConfidenceIn => scalar(self.confidence_in),
+        }
+    }
+
     pub(super) fn check(&self, size: Size) -> Result<(), Error> {
         let normal = match self.convention.normal {
             super::NormalEncoding::Octahedral | super::NormalEncoding::UnormOctahedral => 2,

@@ -18,17 +18,21 @@ pub struct Kernel {
 /// What is bound to a pass.
 #[derive(Clone, Copy, Debug)]
 pub enum Bindable<'a> {
-    /// To [`BindingKind::Sampled`] and [`BindingKind::Stored`].
+    /// To [`BindingKind::Sampled`], [`BindingKind::Stored`] and [`BindingKind::Host`].
     Plane(&'a wgpu::TextureView),
     /// To [`BindingKind::Taps`].
     Taps(&'a wgpu::Buffer),
+    /// To [`BindingKind::Counts`].
+    Counts(&'a wgpu::Buffer),
+    /// To [`BindingKind::Uniform`].
+    Uniform(&'a wgpu::Buffer),
 }
 
 impl<'a> Bindable<'a> {
     fn resource(self) -> wgpu::BindingResource<'a> {
         match self {
             Self::Plane(view) => wgpu::BindingResource::TextureView(view),
-            Self::Taps(buffer) => buffer.as_entire_binding(),
+            Self::Taps(buffer) | Self::Counts(buffer) | Self::Uniform(buffer) => buffer.as_entire_binding(),
         }
     }
 }
@@ -66,16 +70,19 @@ impl Kernel {
         let uniforms = (0..FIRST_BINDING).map(|i| entry(i, buffer(wgpu::BufferBindingType::Uniform)));
         let rest = (FIRST_BINDING..).zip(pass.bindings).map(|(i, b)| {
             let view_dimension = wgpu::TextureViewDimension::D2;
+            let sampled =
+                |sample_type| wgpu::BindingType::Texture { sample_type, view_dimension, multisampled: false };
             let ty = match b.kind {
-                BindingKind::Sampled(texel) => {
-                    wgpu::BindingType::Texture { sample_type: texel.sample_type(), view_dimension, multisampled: false }
-                }
+                BindingKind::Sampled(texel) => sampled(texel.sample_type()),
+                BindingKind::Host(sample) => sampled(sample.sample_type()),
                 BindingKind::Stored(texel) => wgpu::BindingType::StorageTexture {
                     access: wgpu::StorageTextureAccess::WriteOnly,
                     format: texel.format(storage),
                     view_dimension,
                 },
                 BindingKind::Taps => buffer(wgpu::BufferBindingType::Storage { read_only: true }),
+                BindingKind::Counts(_) => buffer(wgpu::BufferBindingType::Storage { read_only: false }),
+                BindingKind::Uniform(_) => buffer(wgpu::BufferBindingType::Uniform),
             };
             entry(i, ty)
         });
@@ -166,10 +173,19 @@ impl Kernel {
         for (binding, given) in self.pass.bindings.iter().zip(bound) {
             let name = binding.name;
             match (binding.kind, given) {
-                (BindingKind::Taps, Bindable::Taps(buffer)) => {
+                (BindingKind::Taps, Bindable::Taps(buffer)) | (BindingKind::Counts(_), Bindable::Counts(buffer)) => {
                     if !buffer.usage().contains(wgpu::BufferUsages::STORAGE) {
                         return Err(Error::Usage { pass, binding: name, usage: "STORAGE" });
                     }
+                }
+                (BindingKind::Uniform(_), Bindable::Uniform(buffer)) => {
+                    if !buffer.usage().contains(wgpu::BufferUsages::UNIFORM) {
+                        return Err(Error::Usage { pass, binding: name, usage: "UNIFORM" });
+                    }
+                }
+                // The extent is whoever's that binds it: what stands in has one texel.
+                (BindingKind::Host(sample), Bindable::Plane(view)) => {
+                    check_sampled(pass, name, view, sample.sample_type(), Size::new(1, 1))?;
                 }
                 (BindingKind::Sampled(texel), Bindable::Plane(view)) => {
                     check_sampled(pass, name, view, texel.sample_type(), size)?;
@@ -186,7 +202,12 @@ impl Kernel {
                     check_extent(pass, name, texture, size)?;
                 }
                 (kind, _) => {
-                    let expected = if kind == BindingKind::Taps { "a buffer" } else { "a texture" };
+                    let expected = match kind {
+                        BindingKind::Taps => "a buffer of taps",
+                        BindingKind::Counts(_) => "a buffer of counts",
+                        BindingKind::Uniform(_) => "a uniform buffer",
+                        _ => "a texture",
+                    };
                     return Err(Error::Kind { pass, binding: name, expected });
                 }
             }
@@ -217,14 +238,18 @@ pub(super) fn check_sampled(
     size: Size,
 ) -> Result<(), Error> {
     let texture = view.texture();
-    let is_uint = wanted == wgpu::TextureSampleType::Uint;
-    let fits = match texture.format().sample_type(None, None) {
-        Some(wgpu::TextureSampleType::Uint) => is_uint,
-        Some(wgpu::TextureSampleType::Float { .. }) => !is_uint,
+    use wgpu::TextureSampleType as T;
+    let fits = match (texture.format().sample_type(None, None), wanted) {
+        (Some(T::Uint), T::Uint) | (Some(T::Float { .. }), T::Float { .. }) => true,
+        (_, T::Depth) => super::inputs::is_depth(texture.format()),
         _ => false,
     };
     if !fits {
-        let expected = if is_uint { "a format of unsigned integers" } else { "a colour format of floats" };
+        let expected = match wanted {
+            T::Uint => "a format of unsigned integers",
+            T::Depth => "a depth format",
+            _ => "a colour format of floats",
+        };
         return Err(Error::Format { pass, binding, expected, found: texture.format() });
     }
     check_texture(pass, binding, texture, size)

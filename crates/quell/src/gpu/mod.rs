@@ -6,10 +6,10 @@
 //! listings come from it.
 //!
 //! A host hands over its own textures: [`GuideTextures`] in its own [`Convention`], colours of any float format. One dispatch
-//! ([`Prepare`]) makes guides of them that every stage may trust; colours are repaired wherever they are loaded, without a
+//! ([`Pass::PREPARE`]) makes guides of them that every stage may trust; colours are repaired wherever they are loaded, without a
 //! copy. [`DebugViews`] shows what a frame holds, and what the usual mistakes look like.
 //!
-//! Single passes, for bisecting and tests: [`Pass`], [`Kernel`], told by [`FrameUniforms`], [`SettingsUniforms`].
+//! Single passes, for bisecting and tests: [`Pass`], [`Kernel`], told by [`FrameUniforms`], [`SettingsUniforms`], [`PrepareUniforms`].
 //!
 //! ```no_run
 //! # use quell::gpu::{self, wgpu};
@@ -55,31 +55,34 @@ mod kernel;
 mod options;
 mod pack;
 mod pass;
+mod passes;
 mod planes;
-mod prepare;
 mod program;
 mod repairs;
 mod sequence;
+mod slot;
 mod storage;
 mod timing;
 mod told;
 mod uniform;
 mod uniforms;
 
-pub use convention::{Convention, DepthKind, MotionUnit, NormalEncoding, NormalSpace, RoughnessKind};
+pub use convention::{
+    Convention, DepthKind, MotionUnit, NormalEncoding, NormalSpace, PrepareUniforms, RoughnessKind,
+};
 pub use debug::{DebugTarget, DebugView, DebugViews, debug_source};
 pub use denoiser::Denoiser;
 pub use error::Error;
 pub use frame::{Frame, Guides, JointPlane, Output, PackedGuides, Signal, Targets};
 pub use guides::{GuideTexels, pack_guides, pack_spiral};
-pub use inputs::{Channel, GuideTextures, Scalar};
+pub use inputs::{Channel, GuidePlane, GuideTextures, Scalar};
 pub use kernel::{Bindable, Kernel, Told};
 pub use options::Options;
 pub use pack::{PackedFrame, PackedSignal, unpack_colours, unpack_fourth, unpack_numbers};
-pub use pass::{Binding, BindingKind, FIRST_BINDING, Pass, WORKGROUP};
-pub use prepare::{Border, Prepare, count_source, prepare_source};
-pub use program::{Bound, Contents, Dispatch, Memory, Program, Resource, Role, Shown, SignalContents, Slot};
+pub use pass::{Binding, BindingKind, FIRST_BINDING, Pass, Sample, WORKGROUP};
+pub use program::{Bound, Contents, Dispatch, Holds, Memory, Program, Resource, Role, Shown, SignalContents};
 pub use repairs::Repairs;
+pub use slot::Slot;
 pub use sequence::{Band, SequenceWavelet, WaveletBuffers};
 pub use storage::{Storage, Texel};
 pub use timing::Timing;

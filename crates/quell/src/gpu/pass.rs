@@ -1,4 +1,4 @@
-//! The passes: which pieces of WGSL make a shader, what it binds, its entry point.
+//! What a pass is, and how its shader is put together from its bindings and its pieces of WGSL.
 
 use super::storage::{Storage, Texel};
 use crate::pipeline::Stage;
@@ -10,8 +10,52 @@ pub enum BindingKind {
     Sampled(Texel),
     /// A storage texture that is written, every pixel once.
     Stored(Texel),
+    /// A texture of the host's that is read as it is; something else may be bound where the host has none.
+    Host(Sample),
     /// A read-only storage buffer of taps, 16 bytes each.
     Taps,
+    /// A storage buffer of so many 32-bit counts, which are added to.
+    Counts(u32),
+    /// A uniform buffer that holds the struct of this name ([`super::layouts`]).
+    Uniform(&'static str),
+}
+
+/// How a shader reads a texture of the host's.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Sample {
+    /// Floats or normalised numbers, by `textureLoad` only.
+    Float,
+    /// Unsigned integers.
+    Uint,
+    /// A depth format.
+    Depth,
+}
+
+impl Sample {
+    pub(super) const fn sample_type(self) -> wgpu::TextureSampleType {
+        match self {
+            Self::Float => wgpu::TextureSampleType::Float { filterable: false },
+            Self::Uint => wgpu::TextureSampleType::Uint,
+            Self::Depth => wgpu::TextureSampleType::Depth,
+        }
+    }
+
+    /// The WebGPU format of what stands in for a texture that the host has not: one texel of zeros.
+    pub const fn absent_format(self) -> wgpu::TextureFormat {
+        match self {
+            Self::Float => wgpu::TextureFormat::R8Unorm,
+            Self::Uint => wgpu::TextureFormat::R8Uint,
+            Self::Depth => wgpu::TextureFormat::Depth32Float,
+        }
+    }
+
+    const fn declared(self) -> &'static str {
+        match self {
+            Self::Float => "texture_2d<f32>",
+            Self::Uint => "texture_2d<u32>",
+            Self::Depth => "texture_depth_2d",
+        }
+    }
 }
 
 /// A resource of a pass. Its binding number is its place in the pass's list plus 2: 0 and 1 are the uniforms `frame` and
@@ -24,18 +68,18 @@ pub struct Binding {
     pub kind: BindingKind,
 }
 
-/// A pass: one dispatch over the whole image that runs one stage, or several fused.
+/// A pass: one dispatch over the whole image that runs one stage, several fused, or the border.
 #[derive(Clone, Copy, Debug)]
 pub struct Pass {
     /// The stage's name; of fused ones joined by `+`.
     pub name: &'static str,
-    /// Which stages it runs, in order.
+    /// Which stages it runs, in order; the border's passes run none.
     pub stages: &'static [Stage],
     /// Its entry point.
     pub entry: &'static str,
     /// What it binds, from binding 2 on.
     pub bindings: &'static [Binding],
-    pieces: &'static [&'static str],
+    pub(super) pieces: &'static [&'static str],
 }
 
 /// Pixels along each side that one workgroup covers.
@@ -43,361 +87,12 @@ pub const WORKGROUP: u32 = 8;
 /// Binding of the first resource after the uniforms.
 pub const FIRST_BINDING: u32 = 2;
 
-const fn read(name: &'static str, texel: Texel) -> Binding {
-    Binding { name, kind: BindingKind::Sampled(texel) }
-}
-const fn colour(name: &'static str) -> Binding {
-    read(name, Texel::Colour)
-}
-const fn number(name: &'static str) -> Binding {
-    read(name, Texel::Number)
-}
-const fn written(name: &'static str) -> Binding {
-    Binding { name, kind: BindingKind::Stored(Texel::Colour) }
-}
-const fn counted(name: &'static str) -> Binding {
-    Binding { name, kind: BindingKind::Stored(Texel::Number) }
-}
-
-const GEOMETRY: Binding = read("geometry", Texel::Geometry);
-const SURFACE: Binding = read("surface", Texel::Surface);
-const MOVING: Binding = read("moving", Texel::Moving);
-const GEOMETRY_BEFORE: Binding = read("geometry_before", Texel::Geometry);
-const SURFACE_BEFORE: Binding = read("surface_before", Texel::Surface);
-
 const FRAME: &str = include_str!("frame.wgsl");
 const SETTINGS: &str = include_str!("settings.wgsl");
 const INPUT_COLOUR: &str = include_str!("input_colour.wgsl");
 const GUIDES_TYPES: &str = include_str!("guides/types.wgsl");
-const GUIDES: &str = include_str!("guides/depth.wgsl");
-const GUIDES_SURFACE: &str = include_str!("guides/surface.wgsl");
-const GUIDES_MOVING: &str = include_str!("guides/moving.wgsl");
-const GUIDES_BEFORE: &str = include_str!("guides/before.wgsl");
-const MATH: &str = include_str!("../kernels/math.wgsl");
-const EDGE: &str = include_str!("../kernels/edge.wgsl");
-const SPIRAL: &str = include_str!("../kernels/spiral.wgsl");
-const CLIP: &str = include_str!("../kernels/clip.wgsl");
-const REPROJECT: &str = include_str!("../kernels/reproject.wgsl");
-const TEMPORAL: &str = include_str!("../kernels/temporal.wgsl");
-const MIRROR_IMAGE: &str = include_str!("../kernels/mirror_image.wgsl");
-const MATTE_TEMPORAL: &str = include_str!("../stages/matte_temporal/shader.wgsl");
-const GLOSSY_TEMPORAL: &str = include_str!("../stages/glossy_temporal/shader.wgsl");
-const DISOCCLUSION: &str = include_str!("../stages/disocclusion/shader.wgsl");
-const FIREFLY: &str = include_str!("../stages/firefly/shader.wgsl");
-const ACCUMULATED: &str = include_str!("passes/accumulated.wgsl");
-const TEMPORAL_JOINT: &str = include_str!("../kernels/temporal_joint.wgsl");
-const DISTRUST: &str = include_str!("passes/distrust.wgsl");
-
-const SPARSE_BILATERAL: &[&str] = &[
-    GUIDES,
-    GUIDES_SURFACE,
-    MATH,
-    EDGE,
-    SPIRAL,
-    include_str!("../stages/matte_prefilter/shader.wgsl"),
-    include_str!("passes/sparse_bilateral.wgsl"),
-];
-const SPARSE_BINDINGS: &[Binding] =
-    &[GEOMETRY, SURFACE, Binding { name: "spiral", kind: BindingKind::Taps }, colour("input"), written("output")];
-const GLOSSY_BILATERAL: &[&str] = &[
-    GUIDES,
-    GUIDES_SURFACE,
-    GUIDES_MOVING,
-    MATH,
-    EDGE,
-    include_str!("../stages/glossy_bilateral/shader.wgsl"),
-    include_str!("passes/glossy_bilateral.wgsl"),
-];
-const GLOSSY_BINDINGS: &[Binding] = &[GEOMETRY, SURFACE, MOVING, colour("input"), written("output")];
-const TEMPORAL_BINDINGS: &[Binding] = &[
-    GEOMETRY,
-    SURFACE,
-    MOVING,
-    GEOMETRY_BEFORE,
-    SURFACE_BEFORE,
-    colour("current"),
-    colour("history"),
-    number("history_length"),
-    written("output"),
-    counted("new_length"),
-];
-
-/// A plane that is tied to a signal, beside that signal's own images.
-const TEMPORAL_JOINT_BINDINGS: &[Binding] = &[
-    GEOMETRY,
-    SURFACE,
-    MOVING,
-    GEOMETRY_BEFORE,
-    SURFACE_BEFORE,
-    colour("current"),
-    colour("history"),
-    number("history_length"),
-    colour("pass_current"),
-    colour("pass_history"),
-    written("output"),
-];
 
 impl Pass {
-    /// Stage 3. The caller may bind anything as history where the frame says that there is none.
-    pub const MATTE_TEMPORAL: Self = Self {
-        name: "matte_temporal",
-        stages: &[Stage::MatteTemporal],
-        entry: "accumulate_matte",
-        bindings: TEMPORAL_BINDINGS,
-        pieces: &[
-            GUIDES,
-            GUIDES_SURFACE,
-            GUIDES_MOVING,
-            GUIDES_BEFORE,
-            MATH,
-            CLIP,
-            REPROJECT,
-            TEMPORAL,
-            MATTE_TEMPORAL,
-            ACCUMULATED,
-            include_str!("passes/matte_temporal.wgsl"),
-        ],
-    };
-    /// Stage 4.
-    pub const MATTE_PREFILTER: Self = Self {
-        name: "matte_prefilter",
-        stages: &[Stage::MattePrefilter],
-        entry: "matte_prefilter",
-        bindings: SPARSE_BINDINGS,
-        pieces: SPARSE_BILATERAL,
-    };
-    /// Stage 5.
-    pub const DISOCCLUSION: Self = Self {
-        name: "disocclusion",
-        stages: &[Stage::Disocclusion],
-        entry: "blend",
-        bindings: &[colour("temporal"), colour("prefiltered"), written("blended"), written("floored")],
-        pieces: &[MATH, DISOCCLUSION, DISTRUST, include_str!("passes/disocclusion.wgsl")],
-    };
-    /// Stage 6.
-    pub const FIREFLY: Self = Self {
-        name: "firefly",
-        stages: &[Stage::Firefly],
-        entry: "suppress",
-        bindings: &[GEOMETRY, colour("input"), written("output")],
-        pieces: &[GUIDES, MATH, FIREFLY, include_str!("passes/firefly.wgsl")],
-    };
-    /// Stage 7: stage 4's filter with its own pattern.
-    pub const MATTE_BILATERAL: Self = Self {
-        name: "matte_bilateral",
-        stages: &[Stage::MatteBilateral],
-        entry: "matte_bilateral",
-        bindings: SPARSE_BINDINGS,
-        pieces: SPARSE_BILATERAL,
-    };
-    /// Stage 8, likewise.
-    pub const GLOSSY_TEMPORAL: Self = Self {
-        name: "glossy_temporal",
-        stages: &[Stage::GlossyTemporal],
-        entry: "accumulate_glossy",
-        bindings: TEMPORAL_BINDINGS,
-        pieces: &[
-            GUIDES,
-            GUIDES_SURFACE,
-            GUIDES_MOVING,
-            GUIDES_BEFORE,
-            MATH,
-            CLIP,
-            REPROJECT,
-            MIRROR_IMAGE,
-            TEMPORAL,
-            GLOSSY_TEMPORAL,
-            ACCUMULATED,
-            include_str!("passes/glossy_temporal.wgsl"),
-        ],
-    };
-    /// Stage 9.
-    pub const GLOSSY_HORIZONTAL: Self = Self {
-        name: "glossy_bilateral_h",
-        stages: &[Stage::GlossyHorizontal],
-        entry: "horizontal",
-        bindings: GLOSSY_BINDINGS,
-        pieces: GLOSSY_BILATERAL,
-    };
-    /// Stage 10.
-    pub const GLOSSY_VERTICAL: Self = Self {
-        name: "glossy_bilateral_v",
-        stages: &[Stage::GlossyVertical],
-        entry: "vertical",
-        bindings: GLOSSY_BINDINGS,
-        pieces: GLOSSY_BILATERAL,
-    };
-    /// Stage 11.
-    pub const DIRECT_TAA: Self = Self {
-        name: "direct_taa",
-        stages: &[Stage::DirectTaa],
-        entry: "antialias",
-        bindings: &[GEOMETRY, MOVING, colour("input"), colour("history"), written("output")],
-        pieces: &[
-            GUIDES,
-            GUIDES_MOVING,
-            MATH,
-            CLIP,
-            include_str!("../stages/direct_taa/shader.wgsl"),
-            include_str!("passes/direct_taa.wgsl"),
-        ],
-    };
-    /// The sum.
-    pub const COMPOSITE: Self = Self {
-        name: "composite",
-        stages: &[Stage::Composite],
-        entry: "composite",
-        bindings: &[
-            colour("direct"),
-            colour("matte"),
-            colour("glossy"),
-            colour("direct_matte"),
-            colour("direct_glossy"),
-            colour("matte_weight"),
-            colour("glossy_weight"),
-            written("output"),
-        ],
-        pieces: &[include_str!("../stages/composite/shader.wgsl"), include_str!("passes/composite.wgsl")],
-    };
-    /// Stages 3 and 8: both read the same guides.
-    pub const TEMPORAL: Self = Self {
-        name: "matte_temporal+glossy_temporal",
-        stages: &[Stage::MatteTemporal, Stage::GlossyTemporal],
-        entry: "accumulate_both",
-        bindings: &[
-            GEOMETRY,
-            SURFACE,
-            MOVING,
-            GEOMETRY_BEFORE,
-            SURFACE_BEFORE,
-            colour("matte_current"),
-            colour("matte_history"),
-            number("matte_history_length"),
-            written("matte_output"),
-            counted("matte_length"),
-            colour("glossy_current"),
-            colour("glossy_history"),
-            number("glossy_history_length"),
-            written("glossy_output"),
-            counted("glossy_length"),
-        ],
-        pieces: &[
-            GUIDES,
-            GUIDES_SURFACE,
-            GUIDES_MOVING,
-            GUIDES_BEFORE,
-            MATH,
-            CLIP,
-            REPROJECT,
-            MIRROR_IMAGE,
-            TEMPORAL,
-            MATTE_TEMPORAL,
-            GLOSSY_TEMPORAL,
-            ACCUMULATED,
-            include_str!("passes/temporal.wgsl"),
-        ],
-    };
-    /// Stages 5 and 6: what stage 5 shows never leaves workgroup memory.
-    pub const DISOCCLUSION_FIREFLY: Self = Self {
-        name: "disocclusion+firefly",
-        stages: &[Stage::Disocclusion, Stage::Firefly],
-        entry: "blend_and_suppress",
-        bindings: &[colour("temporal"), colour("prefiltered"), written("floored"), written("output")],
-        pieces: &[MATH, DISOCCLUSION, FIREFLY, DISTRUST, include_str!("passes/disocclusion_firefly.wgsl")],
-    };
-
-    /// Stage 3 of a plane that is tied to the matte signal: the same lookup, share of history and clamp.
-    pub const MATTE_TEMPORAL_JOINT: Self = Self {
-        name: "matte_temporal_joint",
-        stages: &[Stage::MatteTemporal],
-        entry: "accumulate_matte_joint",
-        bindings: TEMPORAL_JOINT_BINDINGS,
-        pieces: &[
-            GUIDES,
-            GUIDES_SURFACE,
-            GUIDES_MOVING,
-            GUIDES_BEFORE,
-            MATH,
-            CLIP,
-            REPROJECT,
-            TEMPORAL,
-            TEMPORAL_JOINT,
-            MATTE_TEMPORAL,
-            ACCUMULATED,
-            include_str!("passes/matte_temporal_joint.wgsl"),
-        ],
-    };
-    /// Stage 6 likewise: the same pixels.
-    pub const FIREFLY_JOINT: Self = Self {
-        name: "firefly_joint",
-        stages: &[Stage::Firefly],
-        entry: "suppress_joint",
-        bindings: &[GEOMETRY, colour("input"), colour("pass_input"), written("output")],
-        pieces: &[GUIDES, MATH, FIREFLY, include_str!("passes/firefly_joint.wgsl")],
-    };
-    /// Stage 8 of a plane that is tied to the glossy signal.
-    pub const GLOSSY_TEMPORAL_JOINT: Self = Self {
-        name: "glossy_temporal_joint",
-        stages: &[Stage::GlossyTemporal],
-        entry: "accumulate_glossy_joint",
-        bindings: TEMPORAL_JOINT_BINDINGS,
-        pieces: &[
-            GUIDES,
-            GUIDES_SURFACE,
-            GUIDES_MOVING,
-            GUIDES_BEFORE,
-            MATH,
-            CLIP,
-            REPROJECT,
-            MIRROR_IMAGE,
-            TEMPORAL,
-            TEMPORAL_JOINT,
-            GLOSSY_TEMPORAL,
-            ACCUMULATED,
-            include_str!("passes/glossy_temporal_joint.wgsl"),
-        ],
-    };
-
-    /// One stage each, in the order of the pipeline.
-    pub const SINGLE: [Self; 10] = [
-        Self::MATTE_TEMPORAL,
-        Self::MATTE_PREFILTER,
-        Self::DISOCCLUSION,
-        Self::FIREFLY,
-        Self::MATTE_BILATERAL,
-        Self::GLOSSY_TEMPORAL,
-        Self::GLOSSY_HORIZONTAL,
-        Self::GLOSSY_VERTICAL,
-        Self::DIRECT_TAA,
-        Self::COMPOSITE,
-    ];
-    /// Several stages each.
-    pub const FUSED: [Self; 2] = [Self::TEMPORAL, Self::DISOCCLUSION_FIREFLY];
-
-    /// What planes that are tied to a signal need instead of the signal's own pass; their other stages are the signal's.
-    pub const JOINT: [Self; 3] = [Self::MATTE_TEMPORAL_JOINT, Self::FIREFLY_JOINT, Self::GLOSSY_TEMPORAL_JOINT];
-
-    /// All passes.
-    pub fn all() -> impl Iterator<Item = Self> {
-        Self::SINGLE.into_iter().chain(Self::FUSED).chain(Self::JOINT)
-    }
-
-    /// The pass that runs one stage alone.
-    pub const fn of(stage: Stage) -> Self {
-        match stage {
-            Stage::MatteTemporal => Self::MATTE_TEMPORAL,
-            Stage::MattePrefilter => Self::MATTE_PREFILTER,
-            Stage::Disocclusion => Self::DISOCCLUSION,
-            Stage::Firefly => Self::FIREFLY,
-            Stage::MatteBilateral => Self::MATTE_BILATERAL,
-            Stage::GlossyTemporal => Self::GLOSSY_TEMPORAL,
-            Stage::GlossyHorizontal => Self::GLOSSY_HORIZONTAL,
-            Stage::GlossyVertical => Self::GLOSSY_VERTICAL,
-            Stage::DirectTaa => Self::DIRECT_TAA,
-            Stage::Composite => Self::COMPOSITE,
-        }
-    }
-
     /// The shader: declarations of its bindings, then its pieces one after another. `host_input`: the image that it
     /// filters comes from the host as it is, so that its colours are repaired when they are loaded; it matters to stages
     /// that can come first, 4, 6, 7, 9 and 10 (3, 8, 11 and the sum always repair).
@@ -413,14 +108,16 @@ impl Pass {
                 BindingKind::Stored(texel) => {
                     ("", format!("texture_storage_2d<{}, write>", texel.format_name(storage)))
                 }
+                BindingKind::Host(sample) => ("", sample.declared().to_owned()),
                 BindingKind::Taps => ("<storage, read>", "array<SpiralTap>".to_owned()),
+                BindingKind::Counts(count) => ("<storage, read_write>", format!("array<atomic<u32>, {count}>")),
+                BindingKind::Uniform(name) => ("<uniform>", name.to_owned()),
             };
             source += &format!("@group(0) @binding({number}) var{space} {name}: {ty};\n");
         }
-        let taken = if host_input { "input_colour(texel)" } else { "texel.xyz" };
-        source += &format!(
-            "\n// A colour of the image that the pass filters.\nfn first_colour(texel: vec4f) -> vec3f {{\n    return {taken};\n}}\n"
-        );
+        if !self.stages.is_empty() {
+            source += &first_colour(host_input);
+        }
         let shared = [FRAME, SETTINGS, INPUT_COLOUR, GUIDES_TYPES, storage.wgsl()];
         for piece in shared.iter().chain(self.pieces) {
             source.push('\n');
@@ -428,4 +125,11 @@ impl Pass {
         }
         source
     }
+}
+
+fn first_colour(host_input: bool) -> String {
+    let taken = if host_input { "input_colour(texel)" } else { "texel.xyz" };
+    format!(
+        "\n// A colour of the image that the pass filters.\nfn first_colour(texel: vec4f) -> vec3f {{\n    return {taken};\n}}\n"
+    )
 }

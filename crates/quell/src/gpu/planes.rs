@@ -1,7 +1,8 @@
 //! The denoiser's own textures: one for each plane of the program, two where it alternates.
 
 use super::error::Error;
-use super::program::{Program, Role, Slot};
+use super::program::{Holds, Program, Role};
+use super::slot::Slot;
 use super::storage::Storage;
 use crate::denoiser::MAX_EXTENT;
 use crate::plane::Size;
@@ -27,33 +28,40 @@ impl Planes {
     /// Makes what a program needs and is not there yet.
     pub(super) fn ensure(&mut self, device: &wgpu::Device, program: &Program) {
         for resource in &program.resources {
-            let Some(texel) = resource.texel.filter(|_| resource.role != Role::Input) else { continue };
-            let (size, label, storage) = (self.size, &self.label, self.storage);
+            use wgpu::TextureUsages as U;
+            let (size, format, usage) = match (resource.holds, resource.role) {
+                (_, Role::Input) => continue,
+                (Holds::Plane(texel), _) => {
+                    let usage = U::TEXTURE_BINDING | U::STORAGE_BINDING | U::COPY_SRC | U::COPY_DST;
+                    (self.size, texel.format(self.storage), usage)
+                }
+                // Nobody writes it: what a texture holds at first is zero.
+                (Holds::Host(sample), _) => (Size::new(1, 1), sample.absent_format(), U::TEXTURE_BINDING),
+                (Holds::Taps | Holds::Counts(_) | Holds::Uniform(_), _) => continue,
+            };
+            let whose = match resource.slot {
+                Slot::Joint { index, .. } => format!(" of joint plane {index}"),
+                _ => String::new(),
+            };
+            let label = format!("{} {}{whose}", self.label, resource.slot.name());
             self.copies.entry(resource.slot).or_insert_with(|| {
-                let count = if resource.alternates { 2 } else { 1 };
-                let make = |k: usize| {
-                    let whose = match resource.slot {
-                        Slot::Joint { index, .. } => format!(" of joint plane {index}"),
-                        _ => String::new(),
-                    };
-                    let label = format!("{label} {}{whose}{}", resource.slot.name(), ["", " (other)"][k]);
+                let make = |other: &&str| {
+                    let label = format!("{label}{other}");
                     let texture = device.create_texture(&wgpu::TextureDescriptor {
                         label: Some(&label),
                         size: extent_of(size),
                         mip_level_count: 1,
                         sample_count: 1,
                         dimension: wgpu::TextureDimension::D2,
-                        format: texel.format(storage),
-                        usage: wgpu::TextureUsages::TEXTURE_BINDING
-                            | wgpu::TextureUsages::STORAGE_BINDING
-                            | wgpu::TextureUsages::COPY_SRC
-                            | wgpu::TextureUsages::COPY_DST,
+                        format,
+                        usage,
                         view_formats: &[],
                     });
                     let descriptor = wgpu::TextureViewDescriptor { label: Some(&label), ..Default::default() };
                     texture.create_view(&descriptor)
                 };
-                (0..count).map(make).collect()
+                let copies: &[&str] = if resource.alternates { &["", " (other)"] } else { &[""] };
+                copies.iter().map(make).collect()
             });
         }
     }

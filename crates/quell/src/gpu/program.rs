@@ -5,9 +5,9 @@
 //! as `before` is the copy that the frame before wrote, every other binding is the copy of this turn.
 
 use super::builder::Builder;
-use super::pass::{Binding, Pass};
+use super::pass::{Binding, Pass, Sample};
+use super::slot::Slot;
 use super::storage::{Storage, Texel};
-use crate::frame::Signal;
 use crate::pipeline::{Image, Inputs, Plan, Stage};
 
 /// What a frame has of one signal.
@@ -32,13 +32,17 @@ pub struct Contents {
     pub jitter: bool,
     /// Planes that are tied to the matte and to the glossy signal.
     pub joint: [u16; 2],
+    /// Guides come as the host's textures, which the first pass makes into those of the stages; else they are packed.
+    pub textures: bool,
+    /// Repairs of its colours are counted.
+    pub counts: bool,
 }
 
 impl Contents {
-    /// A frame with both signals and their weights, jittered, without noisy direct light.
+    /// A frame with both signals and their weights, jittered, without noisy direct light; packed guides, nothing counted.
     pub const USUAL: Self = {
         let signal = Some(SignalContents { weight: true, direct: false });
-        Self { matte: signal, glossy: signal, direct: true, jitter: true, joint: [0; 2] }
+        Self { matte: signal, glossy: signal, direct: true, jitter: true, joint: [0; 2], textures: false, counts: false }
     };
 
     /// What the plan depends on.
@@ -48,82 +52,13 @@ impl Contents {
     }
 }
 
-/// Which resource.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-#[expect(missing_docs, reason = "the name says it")]
-pub enum Slot {
-    /// An image of the pipeline. What is remembered lies in `MatteHistory`, `GlossyHistory`, `DirectHistory`, whichever
-    /// stage writes it.
-    Image(Image),
-    /// What a plane that is tied to a signal has in an image's place; counted from 0 for each signal.
-    Joint {
-        signal: Signal,
-        index: u16,
-        image: Image,
-    },
-    Geometry,
-    Surface,
-    Moving,
-    MatteLength,
-    GlossyLength,
-    MatteWeight,
-    GlossyWeight,
-    DirectMatte,
-    DirectGlossy,
-    PrefilterTaps,
-    BilateralTaps,
-}
-
-impl Slot {
-    /// For listings and labels.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Image(image) | Self::Joint { image, .. } => image.name(),
-            Self::Geometry => "guides geometry",
-            Self::Surface => "guides surface",
-            Self::Moving => "guides moving",
-            Self::MatteLength => "matte length",
-            Self::GlossyLength => "glossy length",
-            Self::MatteWeight => "matte weight",
-            Self::GlossyWeight => "glossy weight",
-            Self::DirectMatte => "direct matte",
-            Self::DirectGlossy => "direct glossy",
-            Self::PrefilterTaps => "matte prefilter taps",
-            Self::BilateralTaps => "matte bilateral taps",
-        }
-    }
-
-    pub(super) const fn alternates(self) -> bool {
-        matches!(
-            self,
-            Self::Geometry
-                | Self::Surface
-                | Self::MatteLength
-                | Self::GlossyLength
-                | Self::Image(Image::MatteHistory | Image::GlossyHistory | Image::DirectHistory)
-                | Self::Joint { image: Image::MatteHistory | Image::GlossyHistory, .. }
-        )
-    }
-
-    pub(super) const fn is_input(self) -> bool {
-        matches!(
-            self,
-            Self::Image(Image::MatteInput | Image::GlossyInput | Image::DirectInput)
-                | Self::Joint { image: Image::MatteInput | Image::GlossyInput, .. }
-                | Self::MatteWeight
-                | Self::GlossyWeight
-                | Self::DirectMatte
-                | Self::DirectGlossy
-        )
-    }
-}
-
 /// Whose a resource is, and how long it lives.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Role {
     /// The host's texture: read as it is, of any float format.
     Input,
-    /// Packed guides: they are there before the first dispatch. Geometry and surface outlive the frame.
+    /// Packed guides: they are there before the first dispatch. Geometry and surface outlive the frame. (Where guides are
+    /// textures, the first dispatch writes them, and they are persistent or transient.)
     Guides,
     /// Outlives the frame.
     Persistent,
@@ -133,19 +68,62 @@ pub enum Role {
     Transient,
     /// A small buffer, new with every frame: the taps of stage 4 or 7 ([`super::pack_spiral`]).
     Taps,
+    /// A uniform buffer, new with every frame.
+    Uniform,
+    /// A buffer of counts, zero before the first dispatch.
+    Counts,
+    /// A texture of one texel, always zero, which stands in for what the host has not.
+    Absent,
 }
 
-/// A plane of the image's extent, or a table of taps.
+/// What a resource is made of.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Holds {
+    /// A plane of the image's extent. The host's colours may have any format of floats.
+    Plane(Texel),
+    /// A guide of the host's, in a format of its own; or what stands in for one.
+    Host(Sample),
+    /// A storage buffer of taps.
+    Taps,
+    /// A storage buffer of so many 32-bit counts.
+    Counts(u32),
+    /// A uniform buffer with the struct of this name.
+    Uniform(&'static str),
+}
+
+/// A texture or a small buffer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Resource {
     /// Which.
     pub slot: Slot,
-    /// What a texel holds; `None`: a storage buffer of taps.
-    pub texel: Option<Texel>,
+    /// What it is made of.
+    pub holds: Holds,
     /// Whose it is.
     pub role: Role,
     /// There are two of it, which change places at every frame.
     pub alternates: bool,
+    /// The host may have none: index of the resource that is bound then.
+    pub absent: Option<usize>,
+}
+
+impl Resource {
+    /// What a texel of a plane holds.
+    pub const fn texel(&self) -> Option<Texel> {
+        match self.holds {
+            Holds::Plane(texel) => Some(texel),
+            _ => None,
+        }
+    }
+
+    /// Bytes of a pixel in byte counts: of the host's colours as if they were in this storage, of its guides as renderers
+    /// usually have them ([`super::GuidePlane::usual_bytes`]).
+    pub const fn bytes(&self, storage: Storage) -> u32 {
+        match (self.holds, self.slot) {
+            (Holds::Plane(texel), _) => texel.bytes(storage),
+            (Holds::Host(_), Slot::Guide(plane)) => plane.usual_bytes(),
+            _ => 0,
+        }
+    }
 }
 
 /// A resource at a binding.
@@ -216,8 +194,7 @@ impl Program {
         Builder::new(plan, contents).build(storage, fuse)
     }
 
-    /// Bytes a pixel that a dispatch moves: each plane once that it reads or writes (host's colours as if they were in
-    /// the program's storage).
+    /// Bytes a pixel that a dispatch moves: each plane once that it reads or writes ([`Resource::bytes`]).
     pub fn bytes_of(&self, dispatch: &Dispatch) -> u32 {
         let mut seen: Vec<Bound> = Vec::new();
         for bound in &dispatch.bound {
@@ -225,8 +202,7 @@ impl Program {
                 seen.push(*bound);
             }
         }
-        let texels = seen.iter().filter_map(|bound| self.resources.get(bound.resource)?.texel);
-        texels.map(|texel| texel.bytes(self.storage)).sum()
+        seen.iter().filter_map(|bound| self.resources.get(bound.resource)).map(|r| r.bytes(self.storage)).sum()
     }
 
     /// Bytes a pixel of a stage; `None`: it does not run. Of stages that share a dispatch the first counts all of it, the
@@ -234,6 +210,11 @@ impl Program {
     pub fn bytes_per_pixel(&self, stage: Stage) -> Option<u32> {
         let dispatch = self.dispatches.iter().find(|d| d.pass.stages.contains(&stage))?;
         Some(if dispatch.pass.stages.first() == Some(&stage) { self.bytes_of(dispatch) } else { 0 })
+    }
+
+    /// Bytes a pixel of what comes before the stages: guides made from the host's textures, repairs counted.
+    pub fn border_bytes_per_pixel(&self) -> u32 {
+        self.dispatches.iter().filter(|d| d.pass.stages.is_empty()).map(|d| self.bytes_of(d)).sum()
     }
 
     /// Milliseconds that a stage takes at the least where memory is the limit: `bytes_per_pixel` for this many pixels at
@@ -247,7 +228,7 @@ impl Program {
     pub fn memory(&self, pixels: usize) -> Memory {
         let mut memory = Memory::default();
         for resource in &self.resources {
-            let Some(texel) = resource.texel.filter(|_| resource.role != Role::Input) else { continue };
+            let Some(texel) = resource.texel().filter(|_| resource.role != Role::Input) else { continue };
             let bytes = u64::from(texel.bytes(self.storage)) * pixels as u64;
             if resource.alternates {
                 memory.persistent += 2 * bytes;

@@ -16,10 +16,10 @@ impl Repairs {
     /// Bytes of the buffer.
     pub const BYTES: u64 = 4 * COUNTS as u64;
 
-    pub(super) fn new(device: &wgpu::Device) -> Self {
+    pub(super) fn new(device: &wgpu::Device, label: &str) -> Self {
         let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC | wgpu::BufferUsages::COPY_DST;
-        let label = Some("quell repairs");
-        let descriptor = wgpu::BufferDescriptor { label, size: Self::BYTES, usage, mapped_at_creation: false };
+        let label = format!("{label} repairs");
+        let descriptor = wgpu::BufferDescriptor { label: Some(&label), size: Self::BYTES, usage, mapped_at_creation: false };
         Self { buffer: device.create_buffer(&descriptor) }
     }
 

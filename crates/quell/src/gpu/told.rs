@@ -1,7 +1,8 @@
 //! What the passes of a program are told besides planes: settings that fit its frames, and tables of taps.
 
 use super::guides::pack_spiral;
-use super::program::{Contents, Slot};
+use super::program::Contents;
+use super::slot::Slot;
 use super::uniforms::SettingsUniforms;
 use crate::kernels::spiral::{PHASES, Spiral, SpiralShape};
 use crate::plane::Size;

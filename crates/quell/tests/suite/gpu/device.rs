@@ -259,6 +259,7 @@ impl Gpu {
                     taps.push(self.buffer(binding.name, inputs.next().unwrap(), wgpu::BufferUsages::STORAGE));
                     None
                 }
+                BindingKind::Host(_) | BindingKind::Counts(_) | BindingKind::Uniform(_) => panic!("no stage has one"),
             });
         }
         assert!(inputs.next().is_none(), "{}: an input too many", job.pass.name);

@@ -2,7 +2,7 @@
 
 use quell::Settings;
 use quell::gpu::wgpu::Limits;
-use quell::gpu::{BindingKind, Contents, Program, Role, SignalContents, Storage};
+use quell::gpu::{BindingKind, Contents, Holds, Program, Role, SignalContents, Slot, Storage};
 use quell::pipeline::{Plan, Stage};
 
 fn program(settings: &Settings, contents: Contents, storage: Storage, fuse: bool) -> Program {
@@ -50,7 +50,7 @@ fn five_thousand_pixels_fit_the_default_limits() {
     assert!(width.div_ceil(8) <= limits.max_compute_workgroups_per_dimension);
     for resource in &program.resources {
         // No plane is a buffer, and none would be too large for one binding.
-        let bytes = resource.texel.map_or(0, |texel| u64::from(texel.bytes(Storage::Half)));
+        let bytes = resource.texel().map_or(0, |texel| u64::from(texel.bytes(Storage::Half)));
         assert!(bytes * u64::from(width * height) <= limits.max_storage_buffer_binding_size, "{:?}", resource.slot);
     }
     let memory = program.memory((width * height) as usize);
@@ -77,8 +77,9 @@ fn every_program(mut check: impl FnMut(&Program, &str)) {
     let contents = [
         Contents::USUAL,
         Contents { matte: some, glossy: None, joint: [2, 0], ..Contents::USUAL },
-        Contents { matte: None, glossy: none, jitter: false, direct: false, joint: [0, 1] },
-        Contents::default(),
+        Contents { matte: None, glossy: none, joint: [0, 1], textures: true, counts: true, ..Contents::default() },
+        Contents { textures: true, ..Contents::USUAL },
+        Contents { counts: true, ..Contents::default() },
     ];
     for feedback in ["temporal", "prefilter", "blend", "firefly", "bilateral"] {
         for mask in 0..1u32 << switches.len() {
@@ -110,8 +111,9 @@ fn every_plane_is_written_before_it_is_read_and_never_while() {
                 let slot = resource.slot;
                 match binding.kind {
                     BindingKind::Sampled(texel) => {
-                        assert_eq!(resource.texel, Some(texel), "{what}: {name}, {}", binding.name);
-                        let given = matches!(resource.role, Role::Input | Role::Guides);
+                        let is_absent = resource.role == Role::Absent;
+                        assert!(is_absent || resource.texel() == Some(texel), "{what}: {name}, {}", binding.name);
+                        let given = is_absent || matches!(resource.role, Role::Input | Role::Guides);
                         assert!(given || *before || written.contains(&slot), "{what}: {name} reads {slot:?}");
                         assert!(!*before || resource.alternates, "{what}: {name} reads {slot:?} of the frame before");
                         assert!(
@@ -120,11 +122,20 @@ fn every_plane_is_written_before_it_is_read_and_never_while() {
                         );
                     }
                     BindingKind::Stored(texel) => {
-                        assert_eq!(resource.texel, Some(texel), "{what}: {name}, {}", binding.name);
+                        assert_eq!(resource.texel(), Some(texel), "{what}: {name}, {}", binding.name);
                         assert!(!*before && resource.role != Role::Input, "{what}: {name} writes {slot:?}");
                         assert!(!written.contains(&slot), "{what}: {slot:?} is written twice");
                     }
+                    BindingKind::Host(sample) => {
+                        assert_eq!((resource.role, resource.holds), (Role::Input, Holds::Host(sample)), "{what}");
+                        let stand_in = resource.absent.map(|index| &program.resources[index]).unwrap();
+                        assert_eq!((stand_in.role, stand_in.holds), (Role::Absent, resource.holds), "{what}");
+                    }
                     BindingKind::Taps => assert_eq!(resource.role, Role::Taps),
+                    BindingKind::Counts(_) => assert_eq!(resource.role, Role::Counts),
+                    BindingKind::Uniform(name) => {
+                        assert_eq!((resource.role, resource.holds), (Role::Uniform, Holds::Uniform(name)));
+                    }
                 }
             }
             written.extend(stored.iter().map(|(_, r, _)| r.slot));
@@ -136,6 +147,32 @@ fn every_plane_is_written_before_it_is_read_and_never_while() {
             assert!(resource.role == Role::Input || written.contains(&resource.slot), "{what}: {:?}", resource.slot);
         }
     });
+}
+
+#[test]
+fn guides_from_textures_are_a_dispatch_with_bytes_of_its_own() {
+    let settings = Settings::default();
+    let of = |textures, counts| {
+        let contents = Contents { textures, counts, ..Contents::USUAL };
+        program(&settings, contents, Storage::Half, true)
+    };
+    let (packed, textures, counted) = (of(false, false), of(true, false), of(true, true));
+    // Depth 4, normal 8, motion 4, roughness 4, hit 2, id 4, trust 1; guides 20. Then five colours.
+    let border = [&packed, &textures, &counted].map(Program::border_bytes_per_pixel);
+    assert_eq!(border, [0, 27 + 20, 27 + 20 + 5 * 8]);
+    println!("prepare moves {} bytes a pixel", border[1]);
+    let names = |program: &Program| program.dispatches.iter().map(|d| d.pass.name).collect::<Vec<_>>();
+    assert_eq!(names(&textures), [&["prepare"][..], &names(&packed)].concat());
+    assert_eq!(names(&counted)[..2], ["prepare", "count_repairs"]);
+    // What the stages move, and what is allocated, is the same.
+    for stage in FILTERS {
+        assert_eq!(packed.bytes_per_pixel(stage), counted.bytes_per_pixel(stage));
+    }
+    assert_eq!(packed.memory(1), counted.memory(1));
+    // The host fills what it packs, and nothing where it hands over its textures.
+    let role = |program: &Program, slot| program.resources.iter().find(|r| r.slot == slot).unwrap().role;
+    assert_eq!(role(&packed, Slot::Moving), Role::Guides);
+    assert_eq!([Slot::Geometry, Slot::Moving].map(|s| role(&textures, s)), [Role::Persistent, Role::Transient]);
 }
 
 #[test]
