@@ -287,7 +287,9 @@ impl<'a> Builder<'a> {
                 _ => image,
             };
             let count = self.contents.joint[signal as usize];
-            (0..count).map(|index| self.index(Slot::Joint { signal, index, image }, Holds::Plane(Texel::Colour))).collect()
+            (0..count)
+                .map(|index| self.index(Slot::Joint { signal, index, image }, Holds::Plane(Texel::Colour)))
+                .collect()
         })
     }
 

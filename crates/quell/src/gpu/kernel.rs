@@ -70,8 +70,7 @@ impl Kernel {
         let uniforms = (0..FIRST_BINDING).map(|i| entry(i, buffer(wgpu::BufferBindingType::Uniform)));
         let rest = (FIRST_BINDING..).zip(pass.bindings).map(|(i, b)| {
             let view_dimension = wgpu::TextureViewDimension::D2;
-            let sampled =
-                |sample_type| wgpu::BindingType::Texture { sample_type, view_dimension, multisampled: false };
+            let sampled = |sample_type| wgpu::BindingType::Texture { sample_type, view_dimension, multisampled: false };
             let ty = match b.kind {
                 BindingKind::Sampled(texel) => sampled(texel.sample_type()),
                 BindingKind::Host(sample) => sampled(sample.sample_type()),

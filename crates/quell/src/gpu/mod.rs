@@ -67,9 +67,7 @@ mod told;
 mod uniform;
 mod uniforms;
 
-pub use convention::{
-    Convention, DepthKind, MotionUnit, NormalEncoding, NormalSpace, PrepareUniforms, RoughnessKind,
-};
+pub use convention::{Convention, DepthKind, MotionUnit, NormalEncoding, NormalSpace, PrepareUniforms, RoughnessKind};
 pub use debug::{DebugTarget, DebugView, DebugViews, debug_source};
 pub use denoiser::Denoiser;
 pub use error::Error;
@@ -82,8 +80,8 @@ pub use pack::{PackedFrame, PackedSignal, unpack_colours, unpack_fourth, unpack_
 pub use pass::{Binding, BindingKind, FIRST_BINDING, Pass, Sample, WORKGROUP};
 pub use program::{Bound, Contents, Dispatch, Holds, Memory, Program, Resource, Role, Shown, SignalContents};
 pub use repairs::Repairs;
-pub use slot::Slot;
 pub use sequence::{Band, SequenceWavelet, WaveletBuffers};
+pub use slot::Slot;
 pub use storage::{Storage, Texel};
 pub use timing::Timing;
 pub use told::{TAP_FRAMES, pack_taps};

@@ -42,7 +42,15 @@ impl Contents {
     /// A frame with both signals and their weights, jittered, without noisy direct light; packed guides, nothing counted.
     pub const USUAL: Self = {
         let signal = Some(SignalContents { weight: true, direct: false });
-        Self { matte: signal, glossy: signal, direct: true, jitter: true, joint: [0; 2], textures: false, counts: false }
+        Self {
+            matte: signal,
+            glossy: signal,
+            direct: true,
+            jitter: true,
+            joint: [0; 2],
+            textures: false,
+            counts: false,
+        }
     };
 
     /// What the plan depends on.

@@ -19,7 +19,8 @@ impl Repairs {
     pub(super) fn new(device: &wgpu::Device, label: &str) -> Self {
         let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC | wgpu::BufferUsages::COPY_DST;
         let label = format!("{label} repairs");
-        let descriptor = wgpu::BufferDescriptor { label: Some(&label), size: Self::BYTES, usage, mapped_at_creation: false };
+        let descriptor =
+            wgpu::BufferDescriptor { label: Some(&label), size: Self::BYTES, usage, mapped_at_creation: false };
         Self { buffer: device.create_buffer(&descriptor) }
     }
 

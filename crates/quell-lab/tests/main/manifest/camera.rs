@@ -72,6 +72,37 @@ impl View {
     }
 }
 
+fn unit(a: Vec3) -> Vec3 {
+    scaled(a, 1.0 / dot(a, a).sqrt())
+}
+
+/// The camera's axes to the right and up.
+pub fn axes(camera: &Camera) -> [Vec3; 2] {
+    let m = camera.clip_from_world.map(f64::from);
+    let row = |r: usize| [m[r], m[4 + r], m[8 + r]];
+    let forward = unit(row(3)).map(|v| f64::from(v as f32));
+    [0, 1].map(|r| {
+        let along = dot(row(r), forward);
+        unit(std::array::from_fn(|i| row(r)[i] - forward[i] * along))
+    })
+}
+
+/// The members of `Prepare` that a frame tells, for a device depth whose far end is 0.
+pub fn prepare(frame: &FrameBuf, extent: [u32; 2]) -> Value {
+    let eye = View::new(&frame.camera, extent).eye;
+    let m = frame.camera.clip_from_world.map(f64::from);
+    let z = [m[2], m[6], m[10]];
+    let [right, up] = axes(&frame.camera);
+    let (now, before) = (frame.camera.jitter, frame.previous_camera.jitter);
+    json!({
+        "device_z": [z[0], z[1], z[2], dot(z, eye) + m[14]],
+        "right": right,
+        "up": up,
+        "device_far": 0.0,
+        "motion_shift": [before[0] - now[0], before[1] - now[1]],
+    })
+}
+
 /// The members of `Frame`; `before`: the frame before, where there is history.
 pub fn told(frame: &FrameBuf, before: Option<&FrameBuf>, extent: [u32; 2]) -> Value {
     let now = View::new(&frame.camera, extent);

@@ -31,6 +31,7 @@ pub struct Runner<'a> {
     /// Own textures; two where they alternate.
     textures: HashMap<String, Vec<wgpu::Texture>>,
     tables: HashMap<String, Vec<u8>>,
+    counts: HashMap<String, wgpu::Buffer>,
     turn: usize,
 }
 
@@ -55,6 +56,9 @@ fn format(name: &str) -> wgpu::TextureFormat {
         "rg32uint" => F::Rg32Uint,
         "r32uint" => F::R32Uint,
         "r32float" => F::R32Float,
+        "r8unorm" => F::R8Unorm,
+        "r8uint" => F::R8Uint,
+        "depth32float" => F::Depth32Float,
         other => panic!("unknown format {other}"),
     }
 }
@@ -118,17 +122,34 @@ impl<'a> Runner<'a> {
             dispatches: Vec::new(),
             textures: HashMap::new(),
             tables: HashMap::new(),
+            counts: HashMap::new(),
             turn: 0,
             manifest,
         };
         for resource in list(&runner.manifest["resources"]) {
             let name = text(&resource["name"]).to_owned();
-            if resource["kind"] == "buffer" {
-                runner.tables.insert(name, files[text(&resource["file"])].to_vec());
-            } else if resource["role"] != "input" {
-                let make = |_| runner.texture(&name, format(text(&resource["format"])));
-                let copies = (0..number(&resource["copies"])).map(make).collect();
-                runner.textures.insert(name, copies);
+            match text(&resource["role"]) {
+                "input" => {}
+                "taps" => {
+                    runner.tables.insert(name, files[text(&resource["file"])].to_vec());
+                }
+                "counts" => {
+                    let buffer = device.create_buffer(&wgpu::BufferDescriptor {
+                        label: Some(&name),
+                        size: number(&resource["bytes"]),
+                        usage: wgpu::BufferUsages::STORAGE
+                            | wgpu::BufferUsages::COPY_DST
+                            | wgpu::BufferUsages::COPY_SRC,
+                        mapped_at_creation: false,
+                    });
+                    runner.counts.insert(name, buffer);
+                }
+                _ => {
+                    let size = ["width", "height"].map(|side| formula(text(&resource[side]), extent));
+                    let make = |_| runner.texture(&name, format(text(&resource["format"])), size);
+                    let copies = (0..number(&resource["copies"])).map(make).collect();
+                    runner.textures.insert(name, copies);
+                }
             }
         }
         let made = list(&runner.manifest["dispatches"]).iter().map(|d| runner.dispatch(d, files)).collect();
@@ -136,15 +157,17 @@ impl<'a> Runner<'a> {
         runner
     }
 
-    fn texture(&self, name: &str, format: wgpu::TextureFormat) -> wgpu::Texture {
+    fn texture(&self, name: &str, format: wgpu::TextureFormat, extent: [u32; 2]) -> wgpu::Texture {
+        use wgpu::TextureFormat as F;
         use wgpu::TextureUsages as Usage;
         let mut usage = Usage::TEXTURE_BINDING | Usage::COPY_DST | Usage::COPY_SRC;
-        if format != wgpu::TextureFormat::R8Unorm {
+        // What stands in for what is absent, and a host's vectors: no WebGPU stores to them.
+        if !matches!(format, F::R8Unorm | F::R8Uint | F::Depth32Float) {
             usage |= Usage::STORAGE_BINDING;
         }
         self.device.create_texture(&wgpu::TextureDescriptor {
             label: Some(name),
-            size: wgpu::Extent3d { width: self.extent[0], height: self.extent[1], depth_or_array_layers: 1 },
+            size: wgpu::Extent3d { width: extent[0], height: extent[1], depth_or_array_layers: 1 },
             mip_level_count: 1,
             sample_count: 1,
             dimension: wgpu::TextureDimension::D2,
@@ -185,14 +208,14 @@ impl<'a> Runner<'a> {
         }
     }
 
-    /// Runs a frame. `told`: the members of the struct `Frame`.
+    /// Runs a frame. `told`: what the host tells of each uniform by its name, beyond the values of the manifest.
     pub fn frame(&mut self, index: i64, told: &Value, inputs: &HashMap<&str, Input>) {
         self.turn = 1 - self.turn;
         let mut of_host = HashMap::new();
         for (name, input) in inputs {
             let texture = match self.textures.get(*name) {
                 Some(copies) => &copies[self.turn % copies.len()],
-                None => &*of_host.entry(*name).or_insert_with(|| self.texture(name, input.format)),
+                None => &*of_host.entry(*name).or_insert_with(|| self.texture(name, input.format, self.extent)),
             };
             assert!(input.format == OWN || input.format == texture.format());
             let row = texture.format().block_copy_size(None).expect("a size") * self.extent[0];
@@ -205,23 +228,34 @@ impl<'a> Runner<'a> {
         let structs = &self.manifest["structs"];
         let mut small = HashMap::new();
         for uniform in list(&self.manifest["uniforms"]) {
-            let values = uniform.get("values").unwrap_or(told);
-            let bytes = filled(structs, text(&uniform["struct"]), values);
+            let mut values = uniform.get("values").and_then(Value::as_object).cloned().unwrap_or_default();
+            let host = told[text(&uniform["name"])].as_object().cloned().unwrap_or_default();
+            values.extend(host);
+            if list(uniform.get("per_frame").unwrap_or(&Value::Array(Vec::new()))).contains(&"there".into()) {
+                values.insert("there".to_owned(), self.there(inputs).into());
+            }
+            let bytes = filled(structs, text(&uniform["struct"]), &Value::Object(values));
             small.insert(text(&uniform["name"]), buffer(&bytes, wgpu::BufferUsages::UNIFORM));
         }
-        for resource in list(&self.manifest["resources"]).iter().filter(|r| r["kind"] == "buffer") {
+        for resource in list(&self.manifest["resources"]).iter().filter(|r| r["role"] == "taps") {
             let (bytes, period) = (number(&resource["bytes"]) as usize, number(&resource["period"]) as i64);
             let start = index.rem_euclid(period) as usize * bytes;
             let table = &self.tables[text(&resource["name"])][start..start + bytes];
             small.insert(text(&resource["name"]), buffer(table, wgpu::BufferUsages::STORAGE));
         }
         let mut encoder = self.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+        for (name, buffer) in &self.counts {
+            encoder.clear_buffer(buffer, 0, None);
+            small.insert(name, buffer.clone());
+        }
         for dispatch in &self.dispatches {
             let view = |binding: &Value| {
                 let name = text(&binding["resource"]);
                 let before = usize::from(binding["copy"] == "before");
-                let own = self.textures.get(name).map(|copies| &copies[(self.turn + before) % copies.len()]);
-                let texture = own.or_else(|| of_host.get(name)).unwrap_or_else(|| panic!("no texture {name}"));
+                let own = |name| self.textures.get(name).map(|copies| &copies[(self.turn + before) % copies.len()]);
+                let stand_in = || own(text(&self.resource(name)["if_absent"]));
+                let texture = own(name).or_else(|| of_host.get(name)).or_else(stand_in);
+                let texture = texture.unwrap_or_else(|| panic!("no texture {name}"));
                 texture.create_view(&wgpu::TextureViewDescriptor::default())
             };
             let bindings = list(&dispatch.bindings);
@@ -253,6 +287,38 @@ impl<'a> Runner<'a> {
         self.queue.submit([encoder.finish()]);
     }
 
+    fn resource(&self, name: &str) -> &Value {
+        let found = list(&self.manifest["resources"]).iter().find(|r| r["name"] == name);
+        found.unwrap_or_else(|| panic!("no resource {name}"))
+    }
+
+    /// The sum of what the inputs that may be absent add to it.
+    fn there(&self, inputs: &HashMap<&str, Input>) -> u64 {
+        let optional = inputs.keys().map(|name| self.resource(name)).filter(|r| r["optional"] == true);
+        optional.map(|r| number(&r["there"])).fold(0, |all, bits| all | bits)
+    }
+
+    /// What was counted in the last frame.
+    pub fn counts(&self, name: &str) -> Vec<u8> {
+        let buffer = &self.counts[name];
+        let copy = self.device.create_buffer(&wgpu::BufferDescriptor {
+            label: None,
+            size: buffer.size(),
+            usage: wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST,
+            mapped_at_creation: false,
+        });
+        let mut encoder = self.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+        encoder.copy_buffer_to_buffer(buffer, 0, &copy, 0, buffer.size());
+        self.mapped(encoder, &copy)
+    }
+
+    fn mapped(&self, encoder: wgpu::CommandEncoder, copy: &wgpu::Buffer) -> Vec<u8> {
+        self.queue.submit([encoder.finish()]);
+        copy.map_async(wgpu::MapMode::Read, .., |result| result.expect("mapped"));
+        self.device.poll(wgpu::PollType::wait_indefinitely()).expect("it ends");
+        copy.get_mapped_range(..).expect("a range").to_vec()
+    }
+
     /// What the outputs of the last frame hold, by their names.
     pub fn outputs(&self) -> HashMap<String, Vec<u8>> {
         let outputs = self.manifest["outputs"].as_object().expect("names");
@@ -276,11 +342,8 @@ impl<'a> Runner<'a> {
         let layout = wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(padded), rows_per_image: None };
         let target = wgpu::TexelCopyBufferInfo { buffer: &copy, layout };
         encoder.copy_texture_to_buffer(texture.as_image_copy(), target, texture.size());
-        self.queue.submit([encoder.finish()]);
-        copy.map_async(wgpu::MapMode::Read, .., |result| result.expect("mapped"));
-        self.device.poll(wgpu::PollType::wait_indefinitely()).expect("it ends");
-        let range = copy.get_mapped_range(..).expect("a range");
-        range.chunks_exact(padded as usize).flat_map(|r| r[..row as usize].to_vec()).collect()
+        let bytes = self.mapped(encoder, &copy);
+        bytes.chunks_exact(padded as usize).flat_map(|r| r[..row as usize].to_vec()).collect()
     }
 }
 
@@ -290,9 +353,11 @@ fn layout_entry(binding: &Value) -> wgpu::BindGroupLayoutEntry {
     let ty = match text(&binding["kind"]) {
         "uniform" => buffer(wgpu::BufferBindingType::Uniform),
         "read-only-storage" => buffer(wgpu::BufferBindingType::Storage { read_only: true }),
+        "storage" => buffer(wgpu::BufferBindingType::Storage { read_only: false }),
         "texture" => wgpu::BindingType::Texture {
             sample_type: match text(&binding["sample_type"]) {
                 "uint" => wgpu::TextureSampleType::Uint,
+                "depth" => wgpu::TextureSampleType::Depth,
                 "unfilterable-float" => wgpu::TextureSampleType::Float { filterable: false },
                 other => panic!("unknown sample type {other}"),
             },

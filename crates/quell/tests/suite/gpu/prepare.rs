@@ -154,7 +154,8 @@ fn run_changed(gpu: &Gpu, source: &str, border: &Border<'_>) -> (Packed, Sanitis
     let cameras = [&border.camera, &border.previous_camera];
     let told = uniform(&PrepareUniforms::new(cameras, SIZE, &border.planes).unwrap().bytes());
     let counts = gpu.buffer("counts", &[0; gpu::Repairs::BYTES as usize], B::STORAGE | B::COPY_SRC);
-    let [depth, id] = [Texel::Number, Texel::Surface].map(|texel| gpu.texture("none", texel.format(Storage::Half), Size::new(1, 1), &[0; 4]));
+    let [depth, id] = [Texel::Number, Texel::Surface]
+        .map(|texel| gpu.texture("none", texel.format(Storage::Half), Size::new(1, 1), &[0; 4]));
     let depth_buffer = depth_texture(gpu, Size::new(1, 1), |_, _| 0.0);
     let planes = &border.planes;
     let given = [
