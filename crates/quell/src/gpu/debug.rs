@@ -2,9 +2,9 @@
 //! result in ways that look alike; each view shows some of them plainly.
 
 use super::compute::{self, Compute, Kind};
-use super::denoiser::filled;
 use super::error::Error;
 use super::kernel::check_extent;
+use super::small::filled;
 use super::storage::{Storage, Texel};
 use super::uniform::{Value, uniforms};
 use crate::pipeline::Image;
@@ -127,13 +127,13 @@ pub struct DebugTarget<'a> {
 /// What a view is drawn from.
 pub(super) struct DebugInputs<'a> {
     /// Frame and settings.
-    pub(super) uniforms: [&'a wgpu::Buffer; 2],
+    pub(super) uniforms: [wgpu::BindingResource<'a>; 2],
     /// Geometry, surface, moving; geometry and surface of the frame before.
     pub(super) guides: [&'a wgpu::TextureView; 5],
     pub(super) image: &'a wgpu::TextureView,
     pub(super) length: &'a wgpu::TextureView,
     /// Of stage 7, where it ran.
-    pub(super) taps: Option<&'a wgpu::Buffer>,
+    pub(super) taps: Option<wgpu::BindingResource<'a>>,
     pub(super) tap_count: u32,
     pub(super) eye: Vec3,
     pub(super) has_confidence: bool,
@@ -240,19 +240,18 @@ impl DebugViews {
             view: view.index(),
             centre,
             scale: target.scale,
-            taps: inputs.taps.map_or(0, |_| inputs.tap_count),
+            taps: inputs.taps.as_ref().map_or(0, |_| inputs.tap_count),
             has_confidence: u32::from(inputs.has_confidence),
         };
         let mut bytes = Vec::new();
         uniforms.write(&mut bytes);
         let uniforms = filled(device, "quell debug", &bytes, wgpu::BufferUsages::UNIFORM);
         let no_taps = filled(device, "quell debug: no taps", &[0; 16], wgpu::BufferUsages::STORAGE);
-        let [frame, settings] = inputs.uniforms;
-        let buffers = [frame, settings, &uniforms].map(wgpu::Buffer::as_entire_binding);
+        let buffers = inputs.uniforms.clone().into_iter().chain([uniforms.as_entire_binding()]);
         let views = inputs.guides.into_iter().chain([inputs.image, inputs.length]);
-        let taps = inputs.taps.unwrap_or(&no_taps).as_entire_binding();
+        let taps = inputs.taps.clone().unwrap_or(no_taps.as_entire_binding());
         let target = wgpu::BindingResource::TextureView(target.view);
-        let resources = buffers.into_iter().chain(views.map(wgpu::BindingResource::TextureView)).chain([taps, target]);
+        let resources = buffers.chain(views.map(wgpu::BindingResource::TextureView)).chain([taps, target]);
         self.compute.encode(device, encoder, resources, inputs.size);
         Ok(())
     }

@@ -118,20 +118,16 @@ impl Kernel {
         size: Size,
     ) -> Result<(), Error> {
         let groups = self.check(device, told, bound, size)?;
-        let group = self.group(device, told, bound);
+        let told = [told.frame, told.settings].map(wgpu::Buffer::as_entire_binding).into_iter();
+        let group = self.group(device, told.chain(bound.iter().map(|b| b.resource())).collect());
         self.dispatch(encoder, &group, groups, None);
         Ok(())
     }
 
-    /// The resources as the pass binds them.
-    pub(super) fn group(&self, device: &wgpu::Device, told: Told<'_>, bound: &[Bindable<'_>]) -> wgpu::BindGroup {
-        let entries: Vec<_> = [told.frame, told.settings]
-            .map(wgpu::Buffer::as_entire_binding)
-            .into_iter()
-            .chain(bound.iter().map(|b| b.resource()))
-            .zip(0..)
-            .map(|(resource, binding)| wgpu::BindGroupEntry { binding, resource })
-            .collect();
+    /// The resources as the pass binds them: frame, settings, then those of [`Pass::bindings`].
+    pub(super) fn group(&self, device: &wgpu::Device, resources: Vec<wgpu::BindingResource<'_>>) -> wgpu::BindGroup {
+        let entries: Vec<_> =
+            (0..).zip(resources).map(|(binding, resource)| wgpu::BindGroupEntry { binding, resource }).collect();
         let label = Some(self.label.as_str());
         device.create_bind_group(&wgpu::BindGroupDescriptor { label, layout: &self.layout, entries: &entries })
     }

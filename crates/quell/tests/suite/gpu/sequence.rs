@@ -221,13 +221,19 @@ fn frames_encoded_before_one_submit_are_as_if_submitted_singly() {
     let scene = box_before_wall(moving, Noise::Sparse(0.4));
     let (size, settings) = (Size::new(37, 23), Settings::default());
     let uploaded: Vec<Uploaded> = (0..3).map(|i| Uploaded::new(gpu, &scene.frame(size, i), Storage::Half)).collect();
-    let run = |together: bool, count: usize| {
+    let last = uploaded[2].frame();
+    // `overwritten`: every frame is told what the last one is, as if all read one buffer after all had written it.
+    let run = |together: bool, count: usize, overwritten: bool| {
         let mut denoiser = gpu::Denoiser::new(&gpu.device, size, &Options::new(&settings)).unwrap();
         let encoder = || gpu.device.create_command_encoder(&CommandEncoderDescriptor { label: Some("host") });
         let mut open = encoder();
         let mut output = None;
         for frame in &uploaded[..count] {
-            output = Some(denoiser.encode(&gpu.device, &mut open, &frame.frame()).unwrap());
+            let mut frame = frame.frame();
+            if overwritten {
+                (frame.camera, frame.previous_camera) = (last.camera, last.previous_camera);
+            }
+            output = Some(denoiser.encode(&gpu.device, &mut open, &frame).unwrap());
             if !together {
                 gpu.queue.submit([std::mem::replace(&mut open, encoder()).finish()]);
             }
@@ -235,8 +241,42 @@ fn frames_encoded_before_one_submit_are_as_if_submitted_singly() {
         gpu.queue.submit([open.finish()]);
         read(gpu, size, &output.unwrap()).colours
     };
-    assert_eq!(run(true, 3), run(false, 3));
-    assert_ne!(run(true, 3), run(true, 2), "the same frame again");
+    let right = run(false, 3, false);
+    assert_eq!(run(true, 3, false), right);
+    assert_ne!(run(true, 2, false), right, "the same frame again");
+    assert_ne!(run(false, 3, true), right, "what a frame is told does not show");
+}
+
+#[test]
+fn textures_that_change_places_are_seen_though_bindings_are_kept() {
+    let Some(gpu) = gpu() else { return };
+    let scene = box_before_wall(moving, Noise::Sparse(0.4));
+    let (size, settings) = (Size::new(37, 23), Settings::default());
+    let uploaded: Vec<Uploaded> = (0..6).map(|i| Uploaded::new(gpu, &scene.frame(size, i), Storage::Half)).collect();
+    // The host's textures: the same ones at every frame, every other, every third, new ones.
+    let run = |period: usize, starts_anew: bool| {
+        let make = || gpu::Denoiser::new(&gpu.device, size, &Options::new(&settings)).unwrap();
+        let mut denoiser = make();
+        let mut outputs = Vec::new();
+        for index in 0..6 {
+            if starts_anew {
+                denoiser = make();
+            }
+            let mut encoder = gpu.device.create_command_encoder(&CommandEncoderDescriptor { label: Some("host") });
+            let frame = gpu::Frame { index: index as i64, ..uploaded[index % period].frame() };
+            let output = denoiser.encode(&gpu.device, &mut encoder, &frame).unwrap();
+            gpu.queue.submit([encoder.finish()]);
+            outputs.push(read(gpu, size, &output).colours);
+        }
+        outputs
+    };
+    let all = [1, 2, 3, 6].map(|period| run(period, false));
+    // Up to where the textures come back it is the same sequence; from there on another.
+    for (k, period) in [1, 2, 3].into_iter().enumerate() {
+        assert_eq!(all[k][..period], all[3][..period]);
+        assert_ne!(all[k][period], all[3][period], "period {period}");
+    }
+    assert_ne!(run(6, true)[5], all[3][5], "history does not show");
 }
 
 #[test]
