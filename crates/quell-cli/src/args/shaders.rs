@@ -37,4 +37,10 @@ pub struct ShadersArgs {
     /// Count what is repaired of colours, too: a dispatch of its own
     #[arg(long)]
     pub count_repairs: bool,
+    /// Also write N frames to try a host with: what goes into its textures, and what must come out
+    #[arg(long, value_name = "N", value_parser = values::at_least_one::<u32>)]
+    pub frames: Option<u32>,
+    /// Built-in scene of those frames
+    #[arg(long, value_name = "NAME", default_value = "glossy-room", requires = "frames")]
+    pub scene: String,
 }

@@ -11,9 +11,11 @@ pub fn run(_: &Context, _: ShadersArgs) -> Result<(), Failure> {
 
 #[cfg(feature = "gpu")]
 pub fn run(context: &Context, args: ShadersArgs) -> Result<(), Failure> {
-    use crate::output;
+    use crate::{interrupt, output};
     use quell::gpu::{Contents, Convention, SignalContents, Storage};
-    use quell_lab::gpu::manifest::{Choice, files};
+    use quell_lab::gpu::manifest::{Choice, File, files};
+    use quell_lab::gpu::trial;
+    use quell_trace::{Control, builtin};
     use serde_json::Map;
 
     let signal = |name: &str| {
@@ -37,13 +39,24 @@ pub fn run(context: &Context, args: ShadersArgs) -> Result<(), Failure> {
     let storage = if args.storage == "float" { Storage::Float } else { Storage::Half };
     let (settings, size, fuse) = (&context.settings, args.size, !args.unfused);
     let choice = Choice { settings, size, contents, convention, storage, fuse };
+    if args.frames.is_some() && args.convention != "quell" {
+        let message = "--frames come as quell means them: leave out --convention".to_owned();
+        return Err(Failure::Usage(message));
+    }
     let files = files(&choice)?;
+    let scene = args.frames.map(|count| builtin(&args.scene).map(|scene| (scene, count))).transpose()?;
     output::check_folder(&args.output)?;
     let mut written = Vec::new();
-    for file in &files {
+    let mut write = |file: File| -> Result<(), Failure> {
         let path = args.output.join(&file.name);
         quell_frames::files::write_bytes(&path, &file.bytes)?;
         written.push(path.to_string_lossy().into_owned());
+        Ok(())
+    };
+    files.into_iter().try_for_each(&mut write)?;
+    if let Some((scene, count)) = scene {
+        let control = Control { cancel: Some(interrupt::flag()), progress: None };
+        trial::frames(&choice, &scene, count, &control, &mut write)?;
     }
     let text = written.join("\n");
     let mut further = Map::new();

@@ -8,6 +8,7 @@
 //! denoiser.rs   frames in, frames out
 //! manifest.rs   shaders as files with all that a host in another language needs to know
 //! sequence.rs   stages of the filter of sequences
+//! trial.rs      frames to try such a host with, as files
 //! error.rs      every error
 //! ```
 
@@ -18,6 +19,7 @@ mod device;
 mod error;
 pub mod manifest;
 mod sequence;
+pub mod trial;
 
 pub use adapter::{Adapter, Wanted, adapters};
 pub use bandwidth::copy_speed;

@@ -29,6 +29,11 @@ fn found(name: &str) -> Option<PathBuf> {
 impl Browser {
     /// Starts a browser with a window of this size; `None`, said aloud, where there is none.
     pub fn start(width: u32, height: u32) -> Option<Self> {
+        Self::start_with(width, height, &["--disable-gpu"])
+    }
+
+    /// The same with further arguments.
+    pub fn start_with(width: u32, height: u32, further: &[&str]) -> Option<Self> {
         let browser = BROWSERS.iter().find_map(|name| found(name));
         let (Some(browser), Some(driver)) = (browser, found("chromedriver")) else {
             assert!(std::env::var_os(REQUIRE).is_none_or(|v| v != "1"), "{REQUIRE}=1, but there is no chromium");
@@ -56,10 +61,9 @@ impl Browser {
         // Whatever else it prints is read away, lest it wait for a reader.
         std::thread::spawn(move || lines.for_each(drop));
         let mut started = Self { driver, port, session: String::new(), profile };
-        let arguments = [
+        let mut arguments = vec![
             "--headless".to_owned(),
             "--no-sandbox".to_owned(),
-            "--disable-gpu".to_owned(),
             "--disable-quic".to_owned(),
             "--no-first-run".to_owned(),
             "--disable-background-networking".to_owned(),
@@ -70,6 +74,7 @@ impl Browser {
             format!("--window-size={width},{height}"),
             format!("--user-data-dir={}", started.profile.display()),
         ];
+        arguments.extend(further.iter().map(|&argument| argument.to_owned()));
         let options = json!({ "binary": browser, "args": arguments });
         let capabilities = json!({ "capabilities": { "alwaysMatch": {
             "goog:chromeOptions": options, "goog:loggingPrefs": { "browser": "ALL" },
@@ -120,6 +125,19 @@ impl Browser {
     /// Opens a file.
     pub fn open(&self, path: &Path) {
         self.post("/url", json!({ "url": format!("file://{}", path.display()) }));
+    }
+
+    /// Goes to an address.
+    pub fn visit(&self, url: &str) {
+        self.post("/url", json!({ "url": url }));
+    }
+
+    /// What a promise comes to.
+    pub fn awaited(&self, promise: &str) -> Value {
+        let script = format!(
+            "const done = arguments[0]; (async () => {promise})().then(done, (e) => done({{ rejected: String(e) }}));"
+        );
+        self.post("/execute/async", json!({ "script": script, "args": [] }))
     }
 
     /// The value of a JavaScript expression.

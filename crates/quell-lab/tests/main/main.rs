@@ -16,3 +16,5 @@ mod references;
 mod scorecard;
 mod sequences;
 mod synthetic;
+#[cfg(feature = "gpu")]
+mod web;

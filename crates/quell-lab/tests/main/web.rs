@@ -1,0 +1,258 @@
+//! quell in a browser: `examples/web` runs the files of `quell shaders` in headless Chromium, whose compiler (Tint) and
+//! device (SwiftShader, in software) are others than wgpu's and Mesa's. Its results are compared with the reference and,
+//! where there is an adapter, with [`quell::gpu::Denoiser`].
+//!
+//! Without Chromium the tests print why they did nothing; with `QUELL_REQUIRE_CHROMIUM=1` they fail.
+
+mod server;
+
+use super::browser::Browser;
+use base64::Engine;
+use quell::gpu::{Contents, Convention, Pass, SequenceWavelet, Storage, debug_source, wgpu};
+use quell::{Settings, Size};
+use quell_lab::gpu::manifest::{Choice, File, MANIFEST, files};
+use quell_lab::gpu::{Denoiser, Gpu, Wanted, trial};
+use quell_trace::{Control, RenderOptions, Tracer, builtin};
+use serde_json::{Value, json};
+use server::Server;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+const SIZE: Size = Size::new(96, 54);
+const FRAMES: u32 = 4;
+const SCENE: &str = "glossy-room";
+/// Where the page looks for the files.
+const FOLDER: &str = "quell-shaders";
+
+/// How far values may lie apart, relative to the larger one plus the plane's mean, and the share of values beyond it: half
+/// storage against the reference on curved mirrors, `CURVED` in `crates/quell/tests/suite/gpu/half.rs`.
+const RELATIVE: f64 = 5e-3;
+const FLIPS: f64 = 2e-2;
+
+/// A browser whose WebGPU runs in software, on any machine alike.
+fn browser() -> Option<Browser> {
+    Browser::start_with(1000, 800, &["--enable-unsafe-webgpu", "--use-webgpu-adapter=swiftshader"])
+}
+
+/// The files of `examples/web`.
+fn page() -> Vec<(String, Vec<u8>)> {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../examples/web");
+    let files = std::fs::read_dir(&folder).expect("examples/web");
+    let paths = files.map(|entry| entry.expect("an entry").path()).filter(|path| path.is_file());
+    let read = |path: PathBuf| {
+        let name = path.file_name().and_then(|n| n.to_str()).expect("a name").to_owned();
+        (name, std::fs::read(&path).expect("a file"))
+    };
+    paths.map(read).collect()
+}
+
+fn told<'a>(settings: &'a Settings) -> Choice<'a> {
+    let contents = Contents { textures: true, ..Contents::USUAL };
+    let convention = Convention::QUELL;
+    Choice { settings, size: SIZE, contents, convention, storage: Storage::Half, fuse: true }
+}
+
+/// What `quell shaders DIR --frames N` writes.
+fn written(choice: &Choice<'_>) -> Vec<File> {
+    let mut all = files(choice).expect("files");
+    let scene = builtin(SCENE).expect("a scene");
+    let give = |file: File| {
+        all.push(file);
+        Ok::<(), quell_lab::Error>(())
+    };
+    trial::frames(choice, &scene, FRAMES, &Control::default(), give).expect("frames");
+    all
+}
+
+/// Runs the page with these files; what it says at the end.
+fn run(browser: &Browser, files: &[File]) -> Value {
+    let in_folder = files.iter().map(|f| (format!("{FOLDER}/{}", f.name), f.bytes.clone()));
+    let server = Server::start(page().into_iter().chain(in_folder).collect());
+    browser.visit(&server.address("index.html"));
+    let start = Instant::now();
+    while browser.value("window.state?.done") != Value::Bool(true) {
+        assert!(start.elapsed() < Duration::from_secs(60), "the page does not end: {}", browser.value("window.state"));
+        std::thread::sleep(Duration::from_millis(50));
+    }
+    browser.value("window.state")
+}
+
+/// The share of values that lie apart, and the largest difference of the others.
+fn apart(a: &[f32], b: &[f32]) -> (f64, f64) {
+    assert_eq!(a.len(), b.len());
+    let mean = b.iter().map(|v| f64::from(v.abs())).sum::<f64>() / b.len() as f64;
+    let differences = a.iter().zip(b).map(|(p, q)| f64::from((p - q).abs()) / (f64::from(p.abs().max(q.abs())) + mean));
+    let (near, far): (Vec<f64>, Vec<f64>) = differences.partition(|d| *d <= RELATIVE);
+    (far.len() as f64 / b.len() as f64, near.into_iter().fold(0.0, f64::max))
+}
+
+/// Red, green and blue of an output of the page.
+fn output(browser: &Browser, name: &str) -> Vec<f32> {
+    let value = browser.awaited(&format!("window.output('{name}')"));
+    assert_eq!(value["format"], "rgba16float", "{value}");
+    let text = value["base64"].as_str().expect("base64");
+    let bytes = base64::engine::general_purpose::STANDARD.decode(text).expect("base64");
+    let plane = quell::gpu::unpack_colours(&bytes, SIZE, wgpu::TextureFormat::Rgba16Float).expect("texels");
+    plane.data().iter().flatten().copied().collect()
+}
+
+/// The composite of the last frame by wgpu, on whatever adapter there is.
+fn native(settings: &Settings) -> Option<(String, Vec<f32>)> {
+    let gpu = match Gpu::open(Wanted::Named("")) {
+        Ok(gpu) => Arc::new(gpu),
+        Err(why) => {
+            println!("not compared with wgpu: {why}");
+            return None;
+        }
+    };
+    let scene = builtin(SCENE).expect("a scene");
+    let options = RenderOptions { jitter: true, direct_samples: trial::DIRECT_SAMPLES, ..RenderOptions::new(SIZE) };
+    let mut denoiser = Denoiser::new(Arc::clone(&gpu), SIZE, settings).expect("a denoiser");
+    let mut last = Vec::new();
+    for n in 0..i64::from(FRAMES) {
+        let tracer = Tracer::new(&scene, n, 1).expect("a camera");
+        let frame = tracer.render(&options, &Control::default()).expect("a frame").frame;
+        let output = denoiser.denoise(&frame.frame(&[])).expect("it runs");
+        last = output.composite.data().iter().flatten().copied().collect();
+    }
+    Some((gpu.adapter().to_string(), last))
+}
+
+#[test]
+fn frames_in_a_browser_agree_with_the_reference() {
+    let Some(browser) = browser() else { return };
+    let settings = Settings::default();
+    let files = written(&told(&settings));
+    let state = run(&browser, &files);
+    assert_eq!(state["failed"], Value::Null, "{state}");
+    let frames = state["frames"].as_array().expect("frames");
+    assert_eq!(frames.len(), FRAMES as usize, "{state}");
+    for frame in frames {
+        let most = frame["outputs"]["composite"]["most"].as_f64().expect("a difference");
+        println!("{}: {frame}", state["adapter"]);
+        // What all but a share of `FLIPS` keep.
+        assert!(most <= RELATIVE, "{frame}");
+    }
+    let found = output(&browser, "composite");
+    assert!(found.iter().all(|v| v.is_finite()) && found.iter().any(|v| *v > 0.1));
+    let native = native(&settings);
+    if let Some((adapter, expected)) = &native {
+        let (share, largest) = apart(&found, expected);
+        println!("against {adapter}: {share:.1e} of the values beyond {RELATIVE:.0e}, the others within {largest:.1e}");
+        assert!(share <= FLIPS, "{share} of the values beyond {RELATIVE}");
+    }
+    assert_eq!(browser.complaints(), Vec::<String>::new());
+    if let Some(folder) = std::env::var_os("QUELL_PICTURES") {
+        browser.screenshot(&Path::new(&folder).join("web.png"));
+    }
+
+    // What the comparisons must see: a remembered texture that nobody wrote, taps that stand still.
+    for (from, to) in [("\"copies\": 2", "\"copies\": 3"), ("\"period\": 16", "\"period\": 1")] {
+        let state = run(&browser, &changed(&files, MANIFEST, from, to));
+        assert_eq!(state["failed"], Value::Null, "{state}");
+        let last = &state["frames"][FRAMES as usize - 1]["outputs"]["composite"]["most"];
+        assert!(last.as_f64().is_some_and(|most| most > RELATIVE), "`{to}` for `{from}` went unseen: {last}");
+        if let Some((_, expected)) = &native {
+            let (share, _) = apart(&output(&browser, "composite"), expected);
+            assert!(share > FLIPS, "`{to}` for `{from}` went unseen: {share}");
+        }
+    }
+    // What the browser's compiler only warns about is the page's error.
+    let composite = &files.iter().find(|f| f.name.ends_with("composite.wgsl")).expect("the last pass").name;
+    let warned = "fn nobody() -> u32 { return 1u; return 2u; }\n@compute";
+    let state = run(&browser, &changed(&files, composite, "@compute", warned));
+    assert!(state["failed"].as_str().is_some_and(|e| e.contains("unreachable")), "{state}");
+}
+
+fn changed(files: &[File], name: &str, from: &str, to: &str) -> Vec<File> {
+    let mut changed = files.to_vec();
+    let file = changed.iter_mut().find(|f| f.name == name).expect("a file");
+    let text = String::from_utf8(file.bytes.clone()).expect("UTF-8");
+    assert!(text.contains(from), "`{from}` is not in {name}");
+    file.bytes = text.replacen(from, to, usize::MAX).into_bytes();
+    changed
+}
+
+/// Every shader of the GPU back end: its name, its text, and whether a pipeline is to be made of it, which takes a device in
+/// software half a second: of those that no frame of the other test runs.
+fn shaders() -> Vec<Value> {
+    let mut all = Vec::new();
+    let mut add = |name: String, code: String, is_built| {
+        all.push(json!({ "name": name, "code": code, "is_built": is_built }));
+    };
+    for storage in [Storage::Half, Storage::Float] {
+        let is_built = storage == Storage::Half;
+        for pass in Pass::all() {
+            for host in [false, true] {
+                let is_built =
+                    is_built && host && (pass.name.ends_with("_joint") || pass.name == Pass::COUNT_REPAIRS.name);
+                add(format!("{}, {storage:?}, {host}", pass.name), pass.source(storage, host), is_built);
+            }
+        }
+        let debug = debug_source(storage, wgpu::TextureFormat::Rgba8Unorm);
+        add(format!("debug, {storage:?}"), debug, is_built);
+    }
+    add("sequence wavelet".to_owned(), SequenceWavelet::source(), true);
+    all
+}
+
+/// What the browser's compiler says of each.
+fn said(browser: &Browser, shaders: &[Value]) -> Vec<String> {
+    let list = serde_json::to_vec(shaders).expect("JSON");
+    let server = Server::start(vec![
+        ("shaders.json".to_owned(), list),
+        ("empty.html".to_owned(), b"<!doctype html><title>compile</title>".to_vec()),
+    ]);
+    browser.visit(&server.address("empty.html"));
+    let said = browser.awaited(
+        "{
+            const adapter = await navigator.gpu.requestAdapter();
+            const device = await adapter.requestDevice();
+            const all = await (await fetch('shaders.json')).json();
+            const each = all.map(async ({ name, code, is_built }) => {
+                device.pushErrorScope('validation');
+                const module = device.createShaderModule({ label: name, code });
+                const caught = device.popErrorScope();
+                const { messages } = await module.getCompilationInfo();
+                const said = messages.map((m) => `${name}:${m.lineNum}: ${m.type}: ${m.message}`);
+                const error = await caught;
+                if (error && said.length == 0) said.push(`${name}: ${error.message}`);
+                if (said.length > 0) return said;
+                const points = [...code.matchAll(/@compute[^{]*fn (\\w+)/g)].map((found) => found[1]);
+                if (points.length == 0) said.push(`${name}: no entry point`);
+                for (const entryPoint of is_built ? points : []) {
+                    const compute = { module, entryPoint };
+                    await device.createComputePipelineAsync({ layout: 'auto', compute })
+                        .catch((e) => said.push(`${name}: ${e.message}`));
+                }
+                return said;
+            });
+            return (await Promise.all(each)).flat();
+        }",
+    );
+    let said = said.as_array().unwrap_or_else(|| panic!("{said}"));
+    said.iter().map(|s| s.as_str().expect("text").to_owned()).collect()
+}
+
+#[test]
+fn every_shader_passes_a_browsers_compiler() {
+    let Some(browser) = browser() else { return };
+    let shaders = shaders();
+    assert_eq!(said(&browser, &shaders), Vec::<String>::new());
+    println!("{} shaders, no message", shaders.len());
+
+    // What wgpu's compiler lets through: a barrier that not every invocation reaches; code behind a return, a warning.
+    let refused = [
+        (
+            "barrier",
+            "@compute @workgroup_size(8, 8) fn f(@builtin(local_invocation_index) i: u32) { if i > 3u { workgroupBarrier(); } }",
+        ),
+        ("unreachable", "fn g() -> u32 { return 1u; return 2u; } @compute @workgroup_size(8, 8) fn f() { _ = g(); }"),
+    ];
+    for (name, code) in refused {
+        let said = said(&browser, &[json!({ "name": name, "code": code })]);
+        println!("{said:?}");
+        assert!(!said.is_empty(), "{name} went unseen");
+    }
+}
