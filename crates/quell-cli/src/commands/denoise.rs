@@ -23,7 +23,7 @@ const DOCTOR: &str = "`quell doctor` with the same frames says more, and how to 
 pub fn run(context: &Context, settings: SequenceSettings, args: DenoiseArgs) -> Result<(), Failure> {
     let dry_run = args.dry_run;
     let accelerator = context.backend()?.accelerator()?;
-    let job = Job::open(JobOptions { accelerator, ..options(settings, args)? })?;
+    let job = Job::open(JobOptions { accelerator: accelerator.clone(), ..options(settings, args)? })?;
     // A dry run describes it anyway.
     if !dry_run {
         context.detail(job.mapping().trim_end());
@@ -48,6 +48,11 @@ pub fn run(context: &Context, settings: SequenceSettings, args: DenoiseArgs) -> 
         allocator::give_back_at_once();
     }
     let (outcome, warnings) = filter(context, &job)?;
+    if let Some(accelerator) = accelerator {
+        accelerator.notes(false).iter().for_each(|note| context.note(note));
+        let refused = accelerator.notes(false);
+        accelerator.notes(true).iter().filter(|note| !refused.contains(note)).for_each(|note| context.detail(note));
+    }
     if job.notes().is_empty() && !warnings.is_empty() {
         context.note(DOCTOR);
     }

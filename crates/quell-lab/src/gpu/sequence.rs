@@ -1,19 +1,31 @@
 //! Frames of sequences: stages of [`quell::sequence`]'s filter on the GPU, for a program whose frames lie in memory.
 
-use super::device::Gpu;
+use super::device::{Gpu, now};
 use super::error::Error;
 use quell::Size;
-use quell::gpu::wgpu::{Buffer, BufferUsages};
-use quell::gpu::{SequenceWavelet, WaveletBuffers};
-use quell::sequence::{Accelerator, Guide, WaveletJob, WaveletLight};
+use quell::gpu::wgpu::{Buffer, BufferUsages, ErrorFilter};
+use quell::gpu::{self, SequenceShaders, SequenceStage, SequenceWavelet, SequenceWindow, WaveletBuffers};
+use quell::sequence::{AcceleratedWindow, Accelerator, EstimateJob, Guide, WaveletJob, WaveletLight};
 use std::ops::Range;
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, PoisonError};
 
-/// Runs the wavelet of the sequence filter on a device of this program; the rest stays on the CPU.
+/// Runs stages 1 to 3 of the sequence filter on a device of this program, with the frames of the window kept there;
+/// where these do not fit, the wavelet alone. The rest stays on the CPU.
 #[derive(Debug)]
 pub struct SequenceAccelerator {
     gpu: Arc<Gpu>,
-    wavelet: SequenceWavelet,
+    shaders: Arc<SequenceShaders>,
+    told: Arc<Mutex<Told>>,
+}
+
+/// What became of it, over all windows.
+#[derive(Debug, Default)]
+struct Told {
+    /// Bytes on the device at most, and how they come about.
+    bytes: u64,
+    memory: Option<String>,
+    /// Why frames were gathered on the CPU; each sentence once.
+    refused: Vec<String>,
 }
 
 impl SequenceAccelerator {
@@ -22,9 +34,9 @@ impl SequenceAccelerator {
     /// # Errors
     /// What the device reports.
     pub fn new(gpu: Arc<Gpu>) -> Result<Self, Error> {
-        let wavelet = SequenceWavelet::new(gpu.device());
+        let shaders = Arc::new(SequenceShaders::new(gpu.device()));
         gpu.check("compiling the sequence filter")?;
-        Ok(Self { gpu, wavelet })
+        Ok(Self { gpu, shaders, told: Arc::default() })
     }
 
     fn filter(&self, job: &mut WaveletJob<'_>) -> Result<(), Error> {
@@ -60,7 +72,7 @@ impl SequenceAccelerator {
             planes: &planes,
         };
         let mut encoder = gpu.encoder("quell host wavelet");
-        let at = self.wavelet.encode(gpu.device(), &mut encoder, light, &buffers, band.size)?;
+        let at = self.shaders.wavelet().encode(gpu.device(), &mut encoder, light, &buffers, band.size)?;
         gpu.queue().submit([encoder.finish()]);
         let bytes = band.size.pixels() as u64 * COLOUR;
         let filtered: Vec<(&Buffer, u64)> = planes.iter().map(|pair| (pair[at], bytes)).collect();
@@ -86,7 +98,128 @@ impl Accelerator for SequenceAccelerator {
     fn wavelet(&self, job: &mut WaveletJob<'_>) -> Result<(), String> {
         self.filter(job).map_err(|error| error.to_string())
     }
+
+    fn window(&self) -> Option<Box<dyn AcceleratedWindow>> {
+        let window = SequenceWindow::new(self.gpu.device(), Arc::clone(&self.shaders));
+        let (gpu, told) = (Arc::clone(&self.gpu), Arc::clone(&self.told));
+        Some(Box::new(Window { gpu, shaders: Arc::clone(&self.shaders), window, refuses: false, told }))
+    }
+
+    fn notes(&self, all: bool) -> Vec<String> {
+        let told = self.told.lock().unwrap_or_else(PoisonError::into_inner);
+        told.memory.iter().filter(|_| all).chain(&told.refused).cloned().collect()
+    }
 }
+
+/// Frames of one run on the device.
+#[derive(Debug)]
+struct Window {
+    gpu: Arc<Gpu>,
+    shaders: Arc<SequenceShaders>,
+    window: SequenceWindow,
+    /// It does not fit on the device.
+    refuses: bool,
+    told: Arc<Mutex<Told>>,
+}
+
+impl Window {
+    fn run(&mut self, job: &mut EstimateJob<'_>) -> Result<bool, Error> {
+        if self.refuses {
+            return Ok(false);
+        }
+        if let Some(why) = job.unfit() {
+            self.refused(format!("frames with {why} around them were gathered on the CPU"));
+            return Ok(false);
+        }
+        if !self.reserve(job)? {
+            // What was allocated goes back.
+            self.refuses = true;
+            self.window = SequenceWindow::new(self.gpu.device(), Arc::clone(&self.shaders));
+            return Ok(false);
+        }
+        let gpu = &self.gpu;
+        // A frame at a time: copies on their way take memory, too.
+        for place in 0..job.len() {
+            let mut encoder = gpu.encoder("quell host window");
+            if self.window.upload(gpu.device(), &mut encoder, job, place)? {
+                gpu.run(encoder, WINDOW)?;
+            }
+        }
+        let mut encoder = gpu.encoder("quell host window");
+        let estimated = self.window.encode(gpu.device(), &mut encoder, job, SequenceStage::Wavelet)?;
+        gpu.queue().submit([encoder.finish()]);
+        let pixels = job.size().pixels() as u64;
+        let refused =
+            |reason: String| Error::Refused { adapter: gpu.adapter().name.clone(), what: WINDOW.to_owned(), reason };
+        let one = |buffer: &Buffer, bytes: u64| -> Result<Vec<u8>, Error> {
+            Ok(gpu.read(&[(buffer, bytes * pixels)], WINDOW)?.pop().unwrap_or_default())
+        };
+        for (light, plane, buffer) in estimated.planes {
+            job.store(light, plane, &one(buffer, COLOUR)?).map_err(refused)?;
+        }
+        if let Some(samples) = estimated.samples {
+            job.store_samples(&one(samples, 4)?).map_err(refused)?;
+        }
+        Ok(true)
+    }
+
+    /// False where the device cannot hold it.
+    fn reserve(&mut self, job: &EstimateJob<'_>) -> Result<bool, Error> {
+        let scope = self.gpu.device().push_error_scope(ErrorFilter::OutOfMemory);
+        let reserved = self.window.reserve(self.gpu.device(), job);
+        let trouble = now(scope.pop());
+        let why = match (reserved, trouble) {
+            (Ok(()), None) => {
+                self.note_memory(job.size());
+                return Ok(true);
+            }
+            (Ok(()), Some(_)) => {
+                let needs = mebibytes(self.window.bytes());
+                format!("the device has not the {needs} MiB that the frames of a window take")
+            }
+            (Err(why @ gpu::Error::Size { .. }), _) => why.to_string(),
+            (Err(other), _) => return Err(other.into()),
+        };
+        self.refused(format!("samples were gathered on the CPU: {why}"));
+        Ok(false)
+    }
+
+    fn refused(&self, why: String) {
+        let mut told = self.told.lock().unwrap_or_else(PoisonError::into_inner);
+        if !told.refused.contains(&why) {
+            told.refused.push(why);
+        }
+    }
+
+    fn note_memory(&self, size: Size) {
+        let mut told = self.told.lock().unwrap_or_else(PoisonError::into_inner);
+        let bytes = self.window.bytes();
+        if bytes <= told.bytes {
+            return;
+        }
+        let (pixels, layers, frame) =
+            (size.pixels() as u64, u64::from(self.window.layers()), self.window.frame_bytes());
+        told.bytes = bytes;
+        told.memory = Some(format!(
+            "memory on the device: {} MiB ({layers} frames of {} bytes a pixel, {} for the one at work)",
+            mebibytes(bytes),
+            frame / pixels.max(1),
+            (bytes - layers * frame) / pixels.max(1),
+        ));
+    }
+}
+
+impl AcceleratedWindow for Window {
+    fn estimate(&mut self, job: &mut EstimateJob<'_>) -> Result<bool, String> {
+        self.run(job).map_err(|error| error.to_string())
+    }
+}
+
+fn mebibytes(bytes: u64) -> u64 {
+    bytes.div_ceil(1 << 20)
+}
+
+const WINDOW: &str = "the frames of a window";
 
 const WHAT: &str = "the wavelet of a frame";
 /// Bytes of a pixel of a colour, and of a mean with its variance.

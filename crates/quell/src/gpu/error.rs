@@ -93,4 +93,10 @@ pub enum Error {
         /// Which limit.
         limit: &'static str,
     },
+    /// Resources were not reserved before they were asked for.
+    #[error("pass `{pass}`: nothing was reserved for this job")]
+    Missing {
+        /// The pass.
+        pass: &'static str,
+    },
 }

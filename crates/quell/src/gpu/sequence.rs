@@ -13,18 +13,49 @@ use std::num::NonZeroU64;
 use std::ops::Range;
 
 uniforms! {
-    Level as "Level" {
-        size: UVec2,
-        step: i32,
-        guided: u32,
-        depth: f32,
-        guide_noise: f32,
-        normal: f32,
-        colour: f32,
-        seen_normal: f32,
-        tolerance: f32,
-        mirror_tolerance: f32,
+    pub(super) Level as "Level" {
+        pub(super) size: UVec2,
+        pub(super) step: i32,
+        pub(super) guided: u32,
+        pub(super) depth: f32,
+        pub(super) guide_noise: f32,
+        pub(super) normal: f32,
+        pub(super) colour: f32,
+        pub(super) seen_normal: f32,
+        pub(super) tolerance: f32,
+        pub(super) mirror_tolerance: f32,
+        pub(super) radius: i32,
+        pub(super) trusted_samples: f32,
+        pub(super) place: u32,
+        pub(super) given: u32,
     }
+}
+
+impl Level {
+    /// What stage 3 is told; stage 2 adds to it.
+    pub(super) fn new(light: &WaveletLight, size: Size, step: i32) -> Self {
+        Self {
+            size: extent(size),
+            step,
+            guided: u32::from(light.guided),
+            depth: light.depth,
+            guide_noise: light.guide_noise,
+            normal: light.normal,
+            colour: light.colour,
+            seen_normal: light.seen_normal,
+            tolerance: light.tolerance,
+            mirror_tolerance: light.mirror_tolerance,
+            radius: 0,
+            trusted_samples: 0.0,
+            place: 0,
+            given: 0,
+        }
+    }
+}
+
+/// Of an image that was checked.
+pub(super) fn extent(size: Size) -> UVec2 {
+    UVec2::new(size.width as u32, size.height as u32)
 }
 
 /// Bytes of a pixel of a colour or a guide, and of a mean with its variance.
@@ -44,6 +75,13 @@ const BINDINGS: [(&str, bool); 7] = [
     ("compared", false),
     ("filtered", false),
 ];
+
+/// What stages 2 and 3 share: bindings 0 to 4, and how unlike two pixels are.
+pub(super) const GUIDED: &str = concat!(
+    include_str!("../sequence/weight.wgsl"),
+    include_str!("../sequence/planes.wgsl"),
+    include_str!("../sequence/energy.wgsl"),
+);
 
 /// Rows of a picture, and these with the rows around them that decide them.
 pub type Band = (Range<usize>, Range<usize>);
@@ -82,7 +120,7 @@ impl SequenceWavelet {
 
     /// The shader.
     pub fn source() -> String {
-        [include_str!("../sequence/energy.wgsl"), include_str!("../sequence/wavelet.wgsl")].join("\n")
+        [GUIDED, include_str!("../sequence/wavelet.wgsl")].join("\n")
     }
 
     /// [`SequenceWavelet::new`] from changed WGSL with the same bindings and entry points: for tests that plant a
@@ -127,7 +165,8 @@ impl SequenceWavelet {
         (Level::layout(), BINDINGS)
     }
 
-    /// Bands of rows, each with the rows around it that decide it, that fit in a binding of the device. One that holds the whole picture where it fits.
+    /// Bands of rows, each with the rows around it that decide it, that fit in a binding of the device. One that holds
+    /// the whole picture where it fits.
     ///
     /// # Errors
     /// [`Error::Size`] where not even one row fits with its margin.
@@ -156,8 +195,8 @@ impl SequenceWavelet {
         Ok((0..size.height).step_by(rows).map(band).collect())
     }
 
-    /// Appends all levels of one light over images of `size` to the caller's encoder; submits nothing. Which of each pair of
-    /// [`WaveletBuffers::planes`] holds the result comes back.
+    /// Appends all levels of one light over images of `size` to the caller's encoder; submits nothing. Which of each
+    /// pair of [`WaveletBuffers::planes`] holds the result comes back.
     ///
     /// # Errors
     /// A buffer too small or without its usage; none or too many planes; a size beyond the device's limits.
@@ -214,30 +253,23 @@ fn levels(device: &wgpu::Device, light: &WaveletLight, size: Size, stride: u64) 
     let mut bytes = Vec::new();
     for level in 0..light.levels {
         let start = bytes.len();
-        Level {
-            size: UVec2::new(size.width as u32, size.height as u32),
-            step: 1 << level,
-            guided: u32::from(light.guided),
-            depth: light.depth,
-            guide_noise: light.guide_noise,
-            normal: light.normal,
-            colour: light.colour,
-            seen_normal: light.seen_normal,
-            tolerance: light.tolerance,
-            mirror_tolerance: light.mirror_tolerance,
-        }
-        .write(&mut bytes);
+        Level::new(light, size, 1 << level).write(&mut bytes);
         bytes.resize(start + stride as usize, 0);
     }
+    filled(device, "quell sequence_wavelet levels", &bytes, wgpu::BufferUsages::UNIFORM)
+}
+
+/// A buffer that holds `bytes`, filled up to a multiple of four.
+pub(super) fn filled(device: &wgpu::Device, label: &str, bytes: &[u8], usage: wgpu::BufferUsages) -> wgpu::Buffer {
     let buffer = device.create_buffer(&wgpu::BufferDescriptor {
-        label: Some("quell sequence_wavelet levels"),
-        size: bytes.len() as u64,
-        usage: wgpu::BufferUsages::UNIFORM,
+        label: Some(label),
+        size: (bytes.len() as u64).next_multiple_of(wgpu::COPY_BUFFER_ALIGNMENT).max(wgpu::COPY_BUFFER_ALIGNMENT),
+        usage,
         mapped_at_creation: true,
     });
     // Where the device is lost nothing is mapped, and nothing will run.
-    if let Ok(mut mapped) = buffer.get_mapped_range_mut(..) {
-        mapped.copy_from_slice(&bytes);
+    if let Ok(mut mapped) = buffer.get_mapped_range_mut(..bytes.len() as u64) {
+        mapped.copy_from_slice(bytes);
     }
     buffer.unmap();
     buffer

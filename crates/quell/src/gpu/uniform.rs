@@ -79,11 +79,11 @@ pub(super) fn pad(out: &mut Vec<u8>, start: usize, align: usize) {
 /// Declares structs that shaders read: alignment 16, as every struct inside a uniform has.
 macro_rules! uniforms {
     ($( $(#[$meta:meta])* $visibility:vis $Name:ident as $wgsl:literal {
-        $( $(#[$fmeta:meta])* $field:ident: $T:ty ),+ $(,)?
+        $( $(#[$fmeta:meta])* $field_visibility:vis $field:ident: $T:ty ),+ $(,)?
     } )+) => { $(
         $(#[$meta])*
         #[derive(Clone, Copy, Debug)]
-        $visibility struct $Name { $( $(#[$fmeta])* $field: $T ),+ }
+        $visibility struct $Name { $( $(#[$fmeta])* $field_visibility $field: $T ),+ }
 
         impl $crate::gpu::uniform::Value for $Name {
             const TYPE: &'static str = $wgsl;

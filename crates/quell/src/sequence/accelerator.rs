@@ -4,6 +4,7 @@
 //! [`super::SequenceDenoiser::with_accelerator`], and takes what comes back.
 
 use super::energy::Class;
+use super::estimate::EstimateJob;
 use super::guides::Local;
 use super::member::{Member, Slot};
 use super::rows::Rows;
@@ -20,12 +21,36 @@ pub trait Accelerator: std::fmt::Debug + Send + Sync {
     /// What computes, as files and messages name it: results of two that differ in name may differ in bits.
     fn name(&self) -> String;
 
-    /// Stage 3 ([`crate::sequence`], `wavelet.rs`): filters every light of [`WaveletJob::lights`] and hands each back with
-    /// [`WaveletJob::store`].
+    /// Stage 3 ([`crate::sequence`], `wavelet.rs`): filters every light of [`WaveletJob::lights`] and hands each back
+    /// with [`WaveletJob::store`].
     ///
     /// # Errors
     /// A sentence for the user. The filter gives up what it holds: nothing is computed elsewhere instead.
     fn wavelet(&self, job: &mut WaveletJob<'_>) -> Result<(), String>;
+
+    /// Begins a run of frames that follow each other, which stay there while the filter's window holds them. `None`:
+    /// only [`Accelerator::wavelet`] runs there.
+    fn window(&self) -> Option<Box<dyn AcceleratedWindow>> {
+        None
+    }
+
+    /// What the user should know of the way it went; `all`: also where everything went well, such as memory that it
+    /// took.
+    fn notes(&self, all: bool) -> Vec<String> {
+        let _ = all;
+        Vec::new()
+    }
+}
+
+/// Frames of one filter on their way through an [`Accelerator`], until a cut or the end.
+pub trait AcceleratedWindow: std::fmt::Debug + Send {
+    /// Stages 1 to 3: what [`EstimateJob`] asks for is handed back with its `store` functions. False: this frame is not
+    /// for it ([`EstimateJob::unfit`], or want of memory), and nothing was stored; the filter does stages 1 and 2
+    /// itself and asks for [`Accelerator::wavelet`].
+    ///
+    /// # Errors
+    /// A sentence for the user. The filter gives up what it holds.
+    fn estimate(&mut self, job: &mut EstimateJob<'_>) -> Result<bool, String>;
 }
 
 /// What is asked of the wavelet for one light: a twin of `wavelet.rs` needs no more, besides [`WaveletJob`]'s planes.
@@ -58,6 +83,37 @@ pub struct WaveletLight {
     pub mirror_tolerance: f32,
 }
 
+impl WaveletLight {
+    /// What `member`'s light at that place among the lights of a job asks for.
+    pub(super) fn new(light: usize, slot: &Slot, member: &Member, s: &Wavelet) -> Self {
+        let squared = |colours: bool, tolerance: f32| if colours { 0.5 / (tolerance * tolerance) } else { 0.0 };
+        let class = Class::of(slot.kind);
+        let (seen, coloured) = (class == Class::Seen, class == Class::Coloured);
+        let k = tolerance(s, slot.kind);
+        // The only kinds that a mirror shows.
+        let mirror = if Member::can_reflect(slot.kind) { s.mirror } else { k };
+        let [has_seen_colour, has_seen_normal] = member.guides.has_seen();
+        Self {
+            light,
+            planes: slot.planes,
+            levels: levels(s, slot.kind),
+            guided: class != Class::Free,
+            depth: s.depth,
+            guide_noise: s.guide_noise,
+            normal: s.normal,
+            colour: if coloured {
+                squared(member.guides.albedo.is_some(), s.albedo)
+            } else {
+                squared(seen && has_seen_colour, s.seen_albedo)
+            },
+            colour_of: if coloured { Guide::Colour } else { Guide::SeenColour },
+            seen_normal: if seen && has_seen_normal { s.seen_normal } else { 0.0 },
+            tolerance: k * k,
+            mirror_tolerance: mirror * mirror,
+        }
+    }
+}
+
 /// A plane of four numbers a pixel that stops the wavelet.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Guide {
@@ -75,7 +131,7 @@ pub enum Guide {
 
 /// Colours and variances beyond it cannot be squared and divided in 32 bits without infinities, which shaders need not
 /// have.
-const MOST_COLOUR: f32 = 1e15;
+pub(super) const MOST_COLOUR: f32 = 1e15;
 
 /// Stage 3 of one frame, or of a band of its rows.
 pub struct WaveletJob<'a> {
@@ -129,34 +185,7 @@ impl<'a> WaveletJob<'a> {
 
     /// The lights that are to be filtered; the others stay as they are.
     pub fn lights(&self) -> Vec<WaveletLight> {
-        let s = self.settings;
-        let squared = |colours: bool, tolerance: f32| if colours { 0.5 / (tolerance * tolerance) } else { 0.0 };
-        let asked = |(light, slot): (usize, &Slot)| {
-            let class = Class::of(slot.kind);
-            let (seen, coloured) = (class == Class::Seen, class == Class::Coloured);
-            let k = tolerance(s, slot.kind);
-            // The only kinds that a mirror shows.
-            let mirror = if Member::can_reflect(slot.kind) { s.mirror } else { k };
-            let has = |plane: &[Vec<f32>; 3]| !plane[0].is_empty();
-            WaveletLight {
-                light,
-                planes: slot.planes,
-                levels: levels(s, slot.kind),
-                guided: class != Class::Free,
-                depth: s.depth,
-                guide_noise: s.guide_noise,
-                normal: s.normal,
-                colour: if coloured {
-                    squared(has(&self.local.albedo), s.albedo)
-                } else {
-                    squared(seen && has(&self.local.seen_albedo), s.seen_albedo)
-                },
-                colour_of: if coloured { Guide::Colour } else { Guide::SeenColour },
-                seen_normal: if seen && has(&self.local.seen_normal) { s.seen_normal } else { 0.0 },
-                tolerance: k * k,
-                mirror_tolerance: mirror * mirror,
-            }
-        };
+        let asked = |(light, slot): (usize, &Slot)| WaveletLight::new(light, slot, self.member, self.settings);
         self.slots.iter().enumerate().map(asked).filter(|light| light.levels > 0).collect()
     }
 
@@ -180,8 +209,8 @@ impl<'a> WaveletJob<'a> {
         })
     }
 
-    /// Some rows of a colour plane of a light before the wavelet, with the variance of the light's luminance as the fourth
-    /// number; as [`WaveletJob::guide`]. Empty where there is no such plane.
+    /// Some rows of a colour plane of a light before the wavelet, with the variance of the light's luminance as the
+    /// fourth number; as [`WaveletJob::guide`]. Empty where there is no such plane.
     pub fn colours(&self, light: usize, plane: usize, rows: Range<usize>) -> Vec<u8> {
         let Some(slot) = self.slots.get(light).filter(|slot| plane < slot.planes) else { return Vec::new() };
         let w = self.size().width;

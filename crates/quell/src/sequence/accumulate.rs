@@ -24,7 +24,7 @@ pub(super) struct Accumulated {
     pub moments: Rows,
 }
 
-fn decay(gather: &Gather, kind: LightKind) -> f32 {
+pub(super) fn decay(gather: &Gather, kind: LightKind) -> f32 {
     match kind {
         LightKind::GlossyDirect => gather.glossy_direct_decay,
         LightKind::GlossyIndirect => gather.glossy_decay,
@@ -173,7 +173,7 @@ enum Place {
 }
 
 /// The lights that are not black all over the window, packed one after the other.
-fn lit(window: &[&Member], centre: usize) -> Vec<Slot> {
+pub(super) fn lit(window: &[&Member], centre: usize) -> Vec<Slot> {
     let black = |m: &Member, light: usize| matches!(m.stored[light], Stored::Black);
     let mut first = 0;
     let lit = window[centre].slots.iter().filter(|slot| match slot.kind {

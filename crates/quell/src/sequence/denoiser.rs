@@ -1,8 +1,9 @@
 //! The public face: frames in, in order; filtered frames out as soon as their window is complete.
 
-use super::accelerator::{self, Accelerator, WaveletJob};
+use super::accelerator::{self, AcceleratedWindow, Accelerator, WaveletJob};
 use super::accumulate::{Accumulated, accumulate};
 use super::energy::Class;
+use super::estimate::EstimateJob;
 use super::frame::SequenceFrame;
 use super::member::{Member, Slot};
 use super::packed::{Packed, Weight};
@@ -120,6 +121,18 @@ pub struct SequenceDenoiser {
     /// Entries at the front that were given out or are not wanted.
     done: usize,
     accelerator: Option<Arc<dyn Accelerator>>,
+    elsewhere: Elsewhere,
+}
+
+/// Where the frames of the present run are besides here.
+#[derive(Debug, Default)]
+enum Elsewhere {
+    /// Not asked yet.
+    #[default]
+    Unknown,
+    /// Stages 1 and 2 run here.
+    Nowhere,
+    Window(Box<dyn AcceleratedWindow>),
 }
 
 impl std::fmt::Debug for Entry {
@@ -135,7 +148,7 @@ impl SequenceDenoiser {
     /// [`Error::ParameterValue`] for a setting out of its range.
     pub fn new(settings: SequenceSettings) -> Result<Self, Error> {
         settings.check()?;
-        Ok(Self { settings, entries: VecDeque::new(), done: 0, accelerator: None })
+        Ok(Self { settings, entries: VecDeque::new(), done: 0, accelerator: None, elsewhere: Elsewhere::Unknown })
     }
 
     /// Likewise; stages that `accelerator` knows run there.
@@ -236,6 +249,7 @@ impl SequenceDenoiser {
     fn clear(&mut self) {
         self.entries.clear();
         self.done = 0;
+        self.elsewhere = Elsewhere::Unknown;
     }
 
     /// Frames whose window is complete, or all where the sequence ends.
@@ -301,19 +315,32 @@ impl SequenceDenoiser {
         self.done -= kept;
     }
 
-    fn estimate(&self, i: usize) -> Result<Estimate, Error> {
-        let s = &self.settings;
+    fn estimate(&mut self, i: usize) -> Result<Estimate, Error> {
+        let Self { settings: s, entries, accelerator, elsewhere, .. } = self;
         let gather = s.gather.frames as usize;
-        let (from, to) = (i.saturating_sub(gather), (i + gather).min(self.entries.len() - 1));
-        let window: Vec<&Member> = (from..=to).map(|k| &self.entries[k].member).collect();
+        let (from, to) = (i.saturating_sub(gather), (i + gather).min(entries.len() - 1));
+        let window: Vec<&Member> = (from..=to).map(|k| &entries[k].member).collect();
         let member = window[i - from];
+        if let Some(accelerator) = accelerator.as_deref() {
+            if matches!(elsewhere, Elsewhere::Unknown) {
+                *elsewhere = accelerator.window().map_or(Elsewhere::Nowhere, Elsewhere::Window);
+            }
+            if let Elsewhere::Window(there) = elsewhere {
+                let mut job = EstimateJob::new(&window, i - from, s);
+                if there.estimate(&mut job).map_err(|reason| accelerator::failed(accelerator, reason))? {
+                    let (slots, colours, samples) = job.estimated();
+                    let picture = picture(member, &slots, &colours);
+                    return Ok(Estimate { slots, colours, picture, samples });
+                }
+            }
+        }
         let accumulated = accumulate(&window, i - from, &s.gather);
         let samples = most_samples(member.size, &accumulated.moments);
         let local = member.guides.local(member.size, member.seen_colour.as_ref());
         let variance = variance(member, &local, &accumulated, &s.variance, &s.wavelet);
         let Accumulated { slots, colours, moments } = accumulated;
         drop(moments);
-        let colours = match self.accelerator.as_deref() {
+        let colours = match accelerator.as_deref() {
             None => wavelet(member, &local, &slots, colours, variance, &s.wavelet),
             Some(elsewhere) => WaveletJob::new(member, &local, &slots, &colours, &variance, &s.wavelet)
                 .and_then(|mut job| elsewhere.wavelet(&mut job).map(|()| job.filtered()))

@@ -17,15 +17,6 @@ struct Guides {
     seen_normal: vec4f,
 }
 
-// exp(-energy), nearly.
-fn weight(energy: f32) -> f32 {
-    var b = max(1.0 - energy * (1.0 / 16.0), 0.0);
-    b *= b;
-    b *= b;
-    b *= b;
-    return b * b;
-}
-
 // Of the tap `q`, `offset` pixels from `p`.
 fn energy(p: Guides, q: Guides, offset: vec2f, level: Level) -> f32 {
     if level.guided == 0u {

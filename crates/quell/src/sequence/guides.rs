@@ -113,6 +113,11 @@ impl Guides {
         Self { surface, seen, has_seen, seen_around, albedo, pixel_angle }
     }
 
+    /// Whether there are the colours, and the normals, that mirrors and glass show.
+    pub(super) fn has_seen(&self) -> [bool; 2] {
+        self.has_seen
+    }
+
     /// What the filters within the frame ask for.
     /// `divisor`: what reflections were divided by.
     pub(super) fn local(&self, size: Size, divisor: Option<&Packed>) -> Local {

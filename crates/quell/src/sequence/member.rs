@@ -63,7 +63,12 @@ pub(super) struct Member {
     pub alpha: Option<Plane<f32>>,
     pub variance: Option<Plane<f32>>,
     pub repeats_noise: bool,
+    /// What shaders cannot be trusted with; of the whole frame, so that bands decide alike.
+    pub unfit: Option<&'static str>,
 }
+
+/// Inverse depths beyond it cannot be squared and divided in 32 bits without infinities, which shaders need not have.
+const MOST_INVERSE_DEPTH: f32 = 1e15;
 
 impl Member {
     /// Takes the frame apart. What is not finite becomes 0 and is counted.
@@ -117,7 +122,15 @@ impl Member {
                 }
             }
         });
+        let unfit = if !samples.beyond.is_empty() {
+            Some("colours beyond half precision")
+        } else if guides.surface.iter().any(|s| s.inverse_depth > MOST_INVERSE_DEPTH) {
+            Some("depths next to nothing")
+        } else {
+            None
+        };
         let member = Self {
+            unfit,
             seen_colour,
             shape,
             number: frame.number,

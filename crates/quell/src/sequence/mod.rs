@@ -12,7 +12,8 @@
 //! variance.rs    stage 2: the variance of that average
 //! wavelet.rs     stage 3: edge-avoiding a-trous levels with a luminance stop
 //! energy.rs      how unlike two pixels' guides are
-//! accelerator.rs what a host may run elsewhere, such as on a GPU: the wavelet (wavelet.wgsl, energy.wgsl)
+//! accelerator.rs what a host may run elsewhere, such as on a GPU: the wavelet alone, or
+//! estimate.rs    stages 1 to 3, with the frames of the window kept there (the .wgsl files are twins of the Rust ones)
 //! stabilise.rs   stage 4: neighbours in time, limited to the local range
 //! spool.rs       frames outside of memory, read back in bands of rows
 //! packed.rs      colours of frames that wait, in half precision
@@ -26,6 +27,7 @@ mod accelerator;
 mod accumulate;
 mod denoiser;
 mod energy;
+mod estimate;
 mod follow;
 pub mod frame;
 mod guides;
@@ -40,8 +42,9 @@ mod stabilise;
 mod variance;
 mod wavelet;
 
-pub use accelerator::{Accelerator, Guide, WaveletJob, WaveletLight};
+pub use accelerator::{AcceleratedWindow, Accelerator, Guide, WaveletJob, WaveletLight};
 pub use denoiser::{Filtered, FilteredLight, PreparedFrame, SequenceDenoiser};
+pub use estimate::{EstimateJob, FramePlane, GatheredLight, OnCpu, Place, WindowFrame};
 pub use frame::{Light, LightKind, SequenceFrame};
 pub use settings::{SEQUENCE_PARAMETERS, SequenceSettings};
 pub use spool::SpooledFrame;

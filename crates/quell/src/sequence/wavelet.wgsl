@@ -1,28 +1,6 @@
-// Stage 3, one level for one light: twin of wavelet.rs. Every image holds a light's colour and, as the fourth number, the
-// variance of its luminance.
+// Stage 3, one level for one light: twin of wavelet.rs. Every image holds a light's colour and, as the fourth number,
+// the variance of its luminance.
 
-struct Level {
-    size: vec2u,
-    // Pixels between taps.
-    step: i32,
-    // Guides stop the light.
-    guided: u32,
-    depth: f32,
-    guide_noise: f32,
-    normal: f32,
-    // What multiplies squared differences of colours; 0: they do not count. Likewise normals that are seen.
-    colour: f32,
-    seen_normal: f32,
-    // Squared, of the luminance stop.
-    tolerance: f32,
-    mirror_tolerance: f32,
-}
-
-@group(0) @binding(0) var<uniform> level: Level;
-@group(0) @binding(1) var<storage, read> geometry: array<vec4f>;
-@group(0) @binding(2) var<storage, read> normals: array<vec4f>;
-@group(0) @binding(3) var<storage, read> guide_colours: array<vec4f>;
-@group(0) @binding(4) var<storage, read> seen_normals: array<vec4f>;
 @group(0) @binding(5) var<storage, read> light: array<vec4f>;
 // Mean luminance over 3x3 of the same surface, and its variance.
 @group(0) @binding(6) var<storage, read_write> compared: array<vec2f>;
@@ -32,31 +10,6 @@ struct Level {
 const SPLINE = vec3f(0.375, 0.25, 0.0625);
 // Luminances of one pixel that differ by less than this share do not differ.
 const LEAST_CONTRAST = 1e-3;
-
-fn contains(pixel: vec2i) -> bool {
-    return all(pixel >= vec2i(0)) && all(pixel < vec2i(level.size));
-}
-
-fn index_of(pixel: vec2i) -> u32 {
-    return u32(pixel.y) * level.size.x + u32(pixel.x);
-}
-
-fn guides_at(i: u32) -> Guides {
-    var guides: Guides;
-    guides.geometry = geometry[i];
-    guides.normal = normals[i];
-    if level.colour > 0.0 || level.mirror_tolerance != level.tolerance {
-        guides.colour = guide_colours[i];
-    }
-    if level.seen_normal > 0.0 {
-        guides.seen_normal = seen_normals[i];
-    }
-    return guides;
-}
-
-fn luminance(c: vec3f) -> f32 {
-    return dot(c, vec3f(0.2126, 0.7152, 0.0722));
-}
 
 @compute @workgroup_size(8, 8)
 fn compare(@builtin(global_invocation_id) id: vec3u) {

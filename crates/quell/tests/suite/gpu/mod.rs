@@ -17,3 +17,4 @@ mod shaders;
 mod textures;
 mod timing;
 mod wavelet;
+mod window;

@@ -80,7 +80,7 @@ impl Accelerator for Elsewhere {
 }
 
 /// Numbers 0..1 that look random, from integers.
-fn random(x: usize, y: usize, t: i64, k: u64) -> f32 {
+pub fn random(x: usize, y: usize, t: i64, k: u64) -> f32 {
     let mut h = (x as u64) ^ (y as u64) << 16 ^ (t as u64) << 32 ^ k << 56;
     for _ in 0..3 {
         h = (h ^ (h >> 31)).wrapping_mul(0x9E37_79B9_7F4A_7C15);
@@ -90,7 +90,7 @@ fn random(x: usize, y: usize, t: i64, k: u64) -> f32 {
 
 /// A slanted floor with bumps and a wall behind it, under a sky, with a mirror and a glass on them: every kind of light, and
 /// guides that are noisy here and there. All of it slides to the left.
-fn frame(size: Size, t: i64) -> SequenceFrame {
+pub fn frame(size: Size, t: i64) -> SequenceFrame {
     let mut frame = SequenceFrame::new(t, size);
     // Of the pixel's surface: places move with it.
     let across = move |x: usize| x as f32 + t as f32;
@@ -147,7 +147,7 @@ fn frame(size: Size, t: i64) -> SequenceFrame {
 }
 
 /// What the frame has besides light may be missing.
-fn without(mut frame: SequenceFrame, what: usize) -> SequenceFrame {
+pub fn without(mut frame: SequenceFrame, what: usize) -> SequenceFrame {
     match what {
         0 => frame.seen_normal = None,
         1 => frame.seen_albedo = None,
@@ -185,7 +185,7 @@ fn run(
 }
 
 /// The largest difference of any value of any plane, relative to it plus the plane's mean.
-fn difference(a: &[Filtered], b: &[Filtered]) -> f64 {
+pub fn difference(a: &[Filtered], b: &[Filtered]) -> f64 {
     assert_eq!(a.len(), b.len());
     let mut most = 0.0f64;
     for (a, b) in a.iter().zip(b) {

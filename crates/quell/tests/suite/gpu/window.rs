@@ -1,0 +1,537 @@
+//! Stages 1 and 2 of the sequence filter on the GPU, with the frames of the window kept there, against the CPU's: stage
+//! by stage on the same frames, over whole sequences, and in bands of rows.
+
+use super::device::{Gpu, gpu};
+use super::wavelet::{difference, frame, random, without};
+use quell::gpu::wgpu::{Buffer, CommandEncoderDescriptor, Limits, naga};
+use quell::gpu::{SequenceBinding, SequenceShader, SequenceShaders, SequenceStage, SequenceWindow};
+use quell::sequence::{
+    AcceleratedWindow, Accelerator, EstimateJob, Filtered, PreparedFrame, SequenceDenoiser, SequenceFrame,
+    SequenceSettings, WaveletJob,
+};
+use quell::{Plane, Size};
+use std::io::Cursor;
+use std::sync::{Arc, Mutex};
+
+/// Largest difference by stage, relative to the value plus the mean of its plane. Guides: a few sums and one quotient.
+/// Gather: sums of up to 65 terms, in the same order; the spread is a difference of numbers of like size, and has lost
+/// what they lost. Variance: sums of 25 terms, weighted by 16th powers of quotients.
+const GUIDES: f64 = 1e-5;
+const GATHER: f64 = 5e-5;
+const VARIANCE: f64 = 1e-4;
+/// Of whole sequences.
+const SEQUENCE: f64 = 1e-4;
+/// Share of values that may lie beyond: whether a pixel shows the same surface is decided at thresholds, and a last bit
+/// can turn it. Lavapipe turns none.
+const DECIDED: f64 = 2e-3;
+
+/// Differences of one stage: the largest, and the share beyond a bound.
+#[derive(Clone, Copy, Debug, Default)]
+struct Seen {
+    most: f64,
+    beyond: usize,
+    of: usize,
+}
+
+impl Seen {
+    fn compare(&mut self, cpu: &[f32], gpu: &[f32], bound: f64) {
+        assert_eq!(cpu.len(), gpu.len());
+        let mean = cpu.iter().map(|v| f64::from(v.abs())).sum::<f64>() / cpu.len().max(1) as f64;
+        for (a, b) in cpu.iter().zip(gpu).filter(|(a, b)| a != b) {
+            let d = f64::from((a - b).abs()) / (f64::from(a.abs().max(b.abs())) + mean);
+            let d = if d.is_nan() { f64::INFINITY } else { d };
+            self.most = self.most.max(d);
+            self.beyond += usize::from(d > bound);
+        }
+        self.of += cpu.len();
+    }
+
+    fn agrees(&self) -> bool {
+        self.beyond as f64 <= DECIDED * self.of as f64
+    }
+}
+
+/// Of guides, stage 1 and stage 2.
+type Stages = [Seen; 3];
+
+/// A host as small as can be.
+#[derive(Clone, Debug)]
+struct Host {
+    gpu: &'static Gpu,
+    shaders: Arc<SequenceShaders>,
+    /// Every stage is compared with the CPU's.
+    compares: bool,
+    /// From this frame on `estimate` says that it cannot.
+    refuses: i64,
+    seen: Arc<Mutex<Stages>>,
+    estimated: Arc<Mutex<Vec<i64>>>,
+}
+
+impl Host {
+    fn new(gpu: &'static Gpu) -> Self {
+        Self::with(gpu, SequenceShaders::new(&gpu.device))
+    }
+
+    fn with(gpu: &'static Gpu, shaders: SequenceShaders) -> Self {
+        let (seen, estimated) = (Arc::default(), Arc::default());
+        Self { gpu, shaders: Arc::new(shaders), compares: false, refuses: i64::MAX, seen, estimated }
+    }
+}
+
+impl Accelerator for Host {
+    fn name(&self) -> String {
+        "test".to_owned()
+    }
+
+    fn wavelet(&self, _: &mut WaveletJob<'_>) -> Result<(), String> {
+        Ok(())
+    }
+
+    fn window(&self) -> Option<Box<dyn AcceleratedWindow>> {
+        Some(Box::new(Window {
+            window: SequenceWindow::new(&self.gpu.device, Arc::clone(&self.shaders)),
+            host: self.clone(),
+        }))
+    }
+}
+
+#[derive(Debug)]
+struct Window {
+    host: Host,
+    window: SequenceWindow,
+}
+
+impl Window {
+    /// Every buffer of a stage, as numbers.
+    #[expect(clippy::type_complexity, reason = "what a test compares, in order")]
+    fn run(
+        &mut self,
+        job: &EstimateJob<'_>,
+        until: SequenceStage,
+    ) -> Result<(Vec<(usize, usize, Vec<f32>)>, Vec<f32>, Vec<Vec<f32>>), String> {
+        let gpu = self.host.gpu;
+        let mut encoder = gpu.device.create_command_encoder(&CommandEncoderDescriptor::default());
+        let made = self.window.encode(&gpu.device, &mut encoder, job, until).map_err(|e| e.to_string())?;
+        gpu.queue.submit([encoder.finish()]);
+        let read = |buffer: &Buffer| gpu.read_buffers(&[buffer]).remove(0);
+        let planes = made.planes.iter().map(|(light, plane, buffer)| (*light, *plane, read(buffer))).collect();
+        let samples = made.samples.map(read).unwrap_or_default();
+        Ok((planes, samples, made.guides.iter().map(|(_, buffer)| read(buffer)).collect()))
+    }
+
+    fn compare(&mut self, job: &EstimateJob<'_>) -> Result<(), String> {
+        let (lights, guides) = job.on_cpu();
+        let mut seen = *self.host.seen.lock().unwrap();
+        let (planes, most, found) = self.run(job, SequenceStage::Gather)?;
+        for ((_, bytes), found) in guides.iter().zip(&found) {
+            let cpu: Vec<f32> = bytes.as_chunks::<4>().0.iter().map(|b| f32::from_le_bytes(*b)).collect();
+            seen[0].compare(&cpu, found, GUIDES);
+        }
+        let asked = job.lights();
+        let place = |light: usize| asked.iter().position(|l| l.wavelet.light == light).unwrap();
+        for (light, plane, found) in &planes {
+            let cpu = &lights[place(*light)];
+            let colours: Vec<f32> = found.chunks_exact(4).flat_map(|v| [v[0], v[1], v[2]]).collect();
+            seen[1].compare(cpu.means[*plane].as_flattened(), &colours, GATHER);
+            if *plane == 0 {
+                let spread: Vec<f32> = found.chunks_exact(4).map(|v| v[3]).collect();
+                seen[1].compare(&cpu.spread, &spread, GATHER);
+            }
+        }
+        let largest = |i: usize| lights.iter().map(|light| light.count[i]).fold(1.0, f32::max);
+        seen[1].compare(&(0..most.len()).map(largest).collect::<Vec<_>>(), &most, GATHER);
+        let (planes, ..) = self.run(job, SequenceStage::Variance)?;
+        for (light, _, found) in planes.iter().filter(|(_, plane, _)| *plane == 0) {
+            let variance: Vec<f32> = found.chunks_exact(4).map(|v| v[3]).collect();
+            seen[2].compare(&lights[place(*light)].variance, &variance, VARIANCE);
+        }
+        *self.host.seen.lock().unwrap() = seen;
+        Ok(())
+    }
+}
+
+impl AcceleratedWindow for Window {
+    fn estimate(&mut self, job: &mut EstimateJob<'_>) -> Result<bool, String> {
+        let number = job.frame(job.centre()).number;
+        if job.unfit().is_some() || number >= self.host.refuses {
+            return Ok(false);
+        }
+        self.window.reserve(&self.host.gpu.device, job).map_err(|e| e.to_string())?;
+        if self.host.compares {
+            self.compare(job)?;
+            return Ok(false);
+        }
+        let bytes = |numbers: &[f32]| numbers.iter().flat_map(|v| v.to_le_bytes()).collect::<Vec<u8>>();
+        let (planes, samples, _) = self.run(job, SequenceStage::Wavelet)?;
+        for (light, plane, numbers) in planes {
+            job.store(light, plane, &bytes(&numbers))?;
+        }
+        assert_eq!(samples.is_empty(), job.lights().is_empty());
+        if !samples.is_empty() {
+            job.store_samples(&bytes(&samples))?;
+        }
+        self.host.estimated.lock().unwrap().push(number);
+        Ok(true)
+    }
+}
+
+/// The wavelet's scene with places in the world, and motion of all kinds: a floor that stands before a sliding camera,
+/// things that move by themselves and some of which come from nowhere, noise of the motion, and nothing known of the
+/// sky.
+fn scene(size: Size, t: i64) -> SequenceFrame {
+    let mut frame = frame(size, t);
+    let (depth, w) = (frame.depth.clone().unwrap(), size.width as f32);
+    let position = |x: usize, y: usize| {
+        let z = depth.at(x, y);
+        if !z.is_finite() {
+            return [f32::INFINITY; 3];
+        }
+        let moves = if (x / 7) % 3 == 2 { 0.4 * t as f32 } else { 0.0 };
+        [(x as f32 + 1.3 * t as f32 - w / 2.0) * 0.02 * z + moves, y as f32 * -0.02 * z, z]
+    };
+    frame.position = Some(Plane::from_fn(size, position));
+    // Foliage: normals that do not agree on one plane.
+    let normal = frame.normal.clone().unwrap();
+    let leaf = |x: usize, y: usize| random(x, y, t, 80) < 0.2 && normal.at(x, y) != [0.0; 3];
+    let tilt = |x: usize, y: usize, k: u64| 1.6 * random(x, y, t, k) - 0.8;
+    let rough = |x: usize, y: usize| if leaf(x, y) { [tilt(x, y, 81), tilt(x, y, 82), 1.0] } else { normal.at(x, y) };
+    frame.normal = Some(Plane::from_fn(size, rough));
+    let motion = |sign: f32| {
+        move |x: usize, y: usize| {
+            if size.height > 4 && y < size.height / 5 && x % 5 < 3 {
+                return [f32::NAN; 2];
+            }
+            let wrong = if random(x, y, t, 70) < 0.05 { 3.0 } else { 0.0 };
+            let noise = 0.3 * random(x, y, t, 71);
+            [sign * (1.3 + noise + wrong), sign * (0.2 + 0.5 * random(x / 3, y / 3, t, 72))]
+        }
+    };
+    frame.motion_to_previous = Some(Plane::from_fn(size, motion(1.0)));
+    frame.motion_to_next = Some(Plane::from_fn(size, motion(-1.0)));
+    frame.variance =
+        Some(Plane::from_fn(size, |x, y| if x % 3 == 0 { f32::NAN } else { 0.1 * (x % 7) as f32 + y as f32 * 0.01 }));
+    frame
+}
+
+fn settings(changes: &[(&str, &str)]) -> SequenceSettings {
+    let mut settings = SequenceSettings::default();
+    for (name, value) in changes {
+        settings.set(name, value).unwrap();
+    }
+    settings
+}
+
+fn run(
+    settings: &SequenceSettings,
+    frames: impl IntoIterator<Item = SequenceFrame>,
+    host: Option<&Host>,
+) -> Vec<Filtered> {
+    let mut denoiser = match host {
+        None => SequenceDenoiser::new(settings.clone()).unwrap(),
+        Some(host) => SequenceDenoiser::with_accelerator(settings.clone(), Arc::new(host.clone())).unwrap(),
+    };
+    let mut out = Vec::new();
+    for frame in frames {
+        out.extend(denoiser.push(frame, true).unwrap());
+    }
+    out.extend(denoiser.finish().unwrap());
+    out
+}
+
+/// Every stage of these frames, compared.
+fn stages(host: &Host, settings: &SequenceSettings, frames: impl IntoIterator<Item = SequenceFrame>) -> Stages {
+    let host = Host { compares: true, seen: Arc::default(), ..host.clone() };
+    run(settings, frames, Some(&host));
+    *host.seen.lock().unwrap()
+}
+
+#[test]
+fn every_stage_agrees_whatever_a_frame_has() {
+    let Some(gpu) = gpu() else { return };
+    let host = Host::new(gpu);
+    let size = Size::new(37, 21);
+    let mut cases: Vec<(String, SequenceSettings, Vec<SequenceFrame>)> = Vec::new();
+    let mut case = |name: &str, settings, frames| cases.push((name.to_owned(), settings, frames));
+    let frames = |n: i64| (0..n).map(move |t| scene(size, t));
+    case("all", settings(&[]), frames(5).collect());
+    case("past alone", settings(&[("gather.future", "off")]), frames(4).collect());
+    case("one neighbour", settings(&[("gather.frames", "1"), ("variance.radius", "1")]), frames(5).collect());
+    case("little travel", settings(&[("gather.travel", "0.05"), ("gather.round_trip", "1.5")]), frames(5).collect());
+    for (w, h) in [(1, 1), (1, 9), (11, 1), (8, 8)] {
+        case(&format!("{w}x{h}"), settings(&[]), (0..3).map(|t| scene(Size::new(w, h), t)).collect());
+    }
+    for what in 0..6 {
+        case(&format!("without {what}"), settings(&[]), frames(3).map(|f| without(f, what)).collect());
+    }
+    let changed = |change: fn(&mut SequenceFrame)| {
+        let mut frames: Vec<SequenceFrame> = frames(4).collect();
+        frames.iter_mut().for_each(change);
+        frames
+    };
+    case("without motion to the next", settings(&[]), changed(|f| f.motion_to_next = None));
+    case("without motion", settings(&[]), changed(|f| (f.motion_to_next, f.motion_to_previous) = (None, None)));
+    case("without places", settings(&[]), changed(|f| f.position = None));
+    case("repeats noise", settings(&[]), changed(|f| f.repeats_noise = true));
+    // Lights that come and go; what is steady is not where there is fog.
+    let black = |f: &mut SequenceFrame| {
+        let (light, size) = ((f.number * 3 % 5) as usize, f.size);
+        f.lights[light].light = Plane::filled(size, [0.0; 3]);
+        f.lights[light].joint.iter_mut().for_each(|plane| *plane = Plane::filled(size, [0.0; 3]));
+        if f.number == 2 {
+            f.lights[5].light = Plane::filled(size, [0.0; 3]);
+        }
+    };
+    case("lights come and go", settings(&[]), changed(black));
+    for light in 0..8 {
+        let one = |mut f: SequenceFrame| {
+            f.lights = vec![f.lights.swap_remove(light)];
+            f
+        };
+        case(&format!("light {light} alone"), settings(&[]), frames(3).map(one).collect());
+    }
+    for (name, settings, frames) in cases {
+        let seen = stages(&host, &settings, frames);
+        println!(
+            "{name}: {:.1e} {:.1e} {:.1e}, {:?}",
+            seen[0].most,
+            seen[1].most,
+            seen[2].most,
+            seen.map(|s| s.beyond)
+        );
+        assert!(seen.iter().all(Seen::agrees), "{name}: {seen:?}");
+    }
+}
+
+#[test]
+fn thirty_frames_agree() {
+    let Some(gpu) = gpu() else { return };
+    let host = Host::new(gpu);
+    let frames = || (0..30).map(|t| scene(Size::new(40, 24), t));
+    let (cpu, found) = (run(&settings(&[]), frames(), None), run(&settings(&[]), frames(), Some(&host)));
+    let d = difference(&cpu, &found);
+    println!("30 frames: {d:.1e}");
+    assert!(d <= SEQUENCE && d > 0.0, "{d:.1e}");
+    assert_eq!(*host.estimated.lock().unwrap(), (0..30).collect::<Vec<_>>());
+    for (cpu, found) in cpu.iter().zip(&found) {
+        let mut seen = Seen::default();
+        seen.compare(cpu.samples.data(), found.samples.data(), GATHER);
+        seen.compare(cpu.confidence.data(), found.confidence.data(), GATHER);
+        assert!(seen.agrees(), "{seen:?}");
+        for (i, whole) in found.lights[1].planes[0].data().iter().enumerate() {
+            for (c, whole) in whole.iter().enumerate() {
+                let parts = found.lights[1].planes[1].data()[i][c] + found.lights[1].planes[2].data()[i][c];
+                assert!((whole - parts).abs() <= 5e-4 * whole.abs() + 1e-5, "{whole} {parts}");
+            }
+        }
+    }
+    // Other settings are other pictures, by more than the bound.
+    for change in [("gather.matte_decay", "0.96"), ("variance.trusted_samples", "11.0")] {
+        let other = run(&settings(&[change]), frames().take(12), Some(&host));
+        assert!(difference(&cpu[..2], &other[..2]) > SEQUENCE, "{change:?}");
+    }
+}
+
+/// Frames that were there for a shot are not taken for those of the next.
+#[test]
+fn cuts_begin_afresh_and_frames_that_are_left_out_do_no_harm() {
+    let Some(gpu) = gpu() else { return };
+    let host = Host::new(gpu);
+    let size = Size::new(24, 15);
+    let mut second: Vec<SequenceFrame> = (20..26).map(|t| scene(size, t)).collect();
+    second.iter_mut().for_each(|f| f.number -= 18);
+    let frames = || (0..4).map(|t| scene(size, t)).chain(second.clone());
+    let whole = run(&settings(&[]), frames(), Some(&host));
+    assert!(difference(&run(&settings(&[]), frames(), None), &whole) <= SEQUENCE);
+    let mut denoiser = SequenceDenoiser::with_accelerator(settings(&[]), Arc::new(host.clone())).unwrap();
+    let mut out = Vec::new();
+    for t in 0..14 {
+        out.extend(denoiser.push(scene(size, t), t == 0 || t == 11).unwrap());
+    }
+    out.extend(denoiser.finish().unwrap());
+    let all = run(&settings(&[]), (0..14).map(|t| scene(size, t)), Some(&host));
+    assert_eq!(out, [all[0].clone(), all[11].clone()]);
+}
+
+#[test]
+fn bands_of_rows_give_the_bits_of_the_whole() {
+    let Some(gpu) = gpu() else { return };
+    let host = Host::new(gpu);
+    let settings = settings(&[("wavelet.levels", "2"), ("wavelet.transmission_levels", "1")]);
+    let size = Size::new(20, 70);
+    let frames: Vec<SequenceFrame> = (0..4).map(|t| scene(size, t)).collect();
+    let whole = run(&settings, frames.clone(), Some(&host));
+    let mut prepared: Vec<PreparedFrame> = frames.into_iter().map(|f| PreparedFrame::new(f).unwrap()).collect();
+    for i in 1..prepared.len() {
+        let (a, b) = prepared.split_at_mut(i);
+        a[i - 1].followed_by(&mut b[0]);
+    }
+    let moved = prepared.iter().flat_map(PreparedFrame::rows_moved).fold(0.0, f32::max);
+    let margin = SequenceDenoiser::new(settings.clone()).unwrap().margin(moved, size.height);
+    let mut files: Vec<_> = (prepared.into_iter())
+        .map(|frame| {
+            let mut file = Cursor::new(Vec::new());
+            (frame.spool(&mut file).unwrap(), file)
+        })
+        .collect();
+    let (from, to): (usize, usize) = (50, 60);
+    let first = from - margin;
+    assert!(first > 0, "{margin}");
+    let mut denoiser = SequenceDenoiser::with_accelerator(settings, Arc::new(host.clone())).unwrap();
+    let mut out = Vec::new();
+    for (frame, file) in &mut files {
+        let rows = frame.rows(file, first..to + margin).unwrap();
+        denoiser
+            .push_to(rows, true, &mut |filtered| {
+                out.push(filtered);
+                true
+            })
+            .unwrap();
+    }
+    out.extend(denoiser.finish().unwrap());
+    assert_eq!(out.len(), whole.len());
+    for (band, whole) in out.iter().zip(&whole) {
+        for (band, whole) in band.lights.iter().zip(&whole.lights) {
+            for (band, whole) in band.planes.iter().zip(&whole.planes) {
+                for y in from..to {
+                    assert_eq!(band.row(y - first), whole.row(y), "{y}");
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn what_is_not_for_the_device_is_filtered_as_before() {
+    let Some(gpu) = gpu() else { return };
+    let host = Host { refuses: 2, ..Host::new(gpu) };
+    let size = Size::new(16, 12);
+    let mut frames: Vec<SequenceFrame> = (0..4).map(|t| scene(size, t)).collect();
+    run(&settings(&[]), frames.clone(), Some(&host));
+    assert_eq!(*host.estimated.lock().unwrap(), [0, 1]);
+    // What half precision does not hold.
+    frames[1].lights[0].light.data_mut()[7] = [1e6, 0.0, 0.0];
+    let host = Host::new(gpu);
+    let near = settings(&[("gather.frames", "1")]);
+    run(&near, frames.clone(), Some(&host));
+    assert_eq!(*host.estimated.lock().unwrap(), [3]);
+    // What was never reserved, and a picture beyond the limits.
+    let asked = Host { refuses: 0, ..Host::new(gpu) };
+    run(&near, (0..2).map(|t| scene(Size::new(8193, 1), t)), Some(&asked));
+    let host = Host::new(gpu);
+    let mut denoiser = SequenceDenoiser::with_accelerator(near, Arc::new(host)).unwrap();
+    denoiser.push(scene(Size::new(8193, 1), 0), true).unwrap();
+    let error = denoiser.finish().unwrap_err().to_string();
+    assert!(error.contains("max_texture_dimension_2d"), "{error}");
+}
+
+#[test]
+fn planted_differences_are_found() {
+    let Some(gpu) = gpu() else { return };
+    let size = Size::new(31, 17);
+    use SequenceShader::{Gather, Guides, Variance};
+    let frames: Vec<SequenceFrame> = (0..3).map(|t| scene(size, t)).collect();
+    let settings = settings(&[("gather.travel", "0.1")]);
+    let whole = SequenceShaders::new(&gpu.device);
+    let mut unseen = Vec::new();
+    for (shader, from, to) in [
+        (Guides, "DIVIDED = 8.0", "DIVIDED = 7.0"),
+        (Guides, "select(b, a, abs(a) < abs(b))", "a"),
+        (Guides, "case 3: { way = vec2i(1, -1); }", ""),
+        (Guides, "/ (2.0 * here)", "/ here"),
+        (Guides, "0.5 * dot(d, d)", "dot(d, d)"),
+        (Guides, "vec4f(colour + vec3f(DIVIDED * facing.w, 0.0, 0.0), facing.w)", "vec4f(colour, 0.0)"),
+        (Guides, "slope(pixel, vec2i(0, 1), here)", "slope(pixel, vec2i(1, 0), here)"),
+        (Gather, "MOVING_WEIGHT = 0.7", "MOVING_WEIGHT = 0.71"),
+        (Gather, "STANDING_NORMAL = 0.6", "STANDING_NORMAL = 0.999"),
+        (Gather, "MOVING_NORMAL = 0.7", "MOVING_NORMAL = 0.999"),
+        (Gather, "PLANE_NORMAL = 0.9", "PLANE_NORMAL = 0.99999"),
+        (Gather, "STANDING_REACH = 6.0", "STANDING_REACH = 0.5"),
+        (Gather, "ROUND_TRIP_SHARE = 0.05", "ROUND_TRIP_SHARE = 0.5"),
+        (Gather, "MOVING_DEPTH = 0.1", "MOVING_DEPTH = 0.01"),
+        (Gather, "LEAST_SHARE = 0.01", "LEAST_SHARE = 0.1"),
+        (Gather, "const APART = 1e9", "const APART = 0.0"),
+        (Gather, "power *= told.decay", "power *= 0.99 * told.decay"),
+        (Gather, "abs(at.y - origin.y) > told.farthest", "abs(at.y - origin.y) > 0.5 * told.farthest"),
+        (Gather, "any(q < vec2i(0))", "any(q < vec2i(1))"),
+        (Gather, "let has_back = has_motion(there, !forward)", "let has_back = false"),
+        (Gather, "reflected && has(there, REFLECTION_TO_NEXT)", "false"),
+        (Gather, "reflected && has(there, REFLECTION_TO_PREVIOUS)", "false"),
+        (Gather, "if share > best {", "if share < best || best == 0.0 {"),
+        (Gather, "share * trust, power", "share, power"),
+        (Gather, "told.seen_normal * bend", "0.5 * told.seen_normal * bend"),
+        (Gather, "dot(d, d) * 0.5", "dot(d, d) * 0.45"),
+        (Gather, "squares += weights * weights", "squares += weights"),
+        (Gather, "count / (count - 1.0)", "1.0"),
+        (Gather, "- mean * mean, 0.0)", "- 0.9 * mean * mean, 0.0)"),
+        (Gather, "if !(pixel_size > 0.0 && off_plane(s, tracked)", "if (pixel_size > 0.0 && off_plane(s, tracked)"),
+        (Gather, "largest = max(largest, count)", "largest = count"),
+        (Gather, "if told.begins == 0u", "if told.begins == 7u"),
+        (Gather, "if told.future != 0u", "if told.future == 7u"),
+        (Variance, "(counts[q][level.place] - 1.0", "(counts[q].x - 1.0"),
+        (Variance, "max(second / total - mean * mean, 0.0) * count", "max(second / total - mean * mean, 0.0)"),
+        (Variance, "level.given != 0u", "level.given == 7u"),
+        (Variance, "min(freedom / level.trusted_samples, 1.0)", "1.0"),
+        (Variance, "/ max(count, 1.0)", ""),
+        (Variance, "spread += free * colour.w", "spread += g * colour.w"),
+        (Variance, "first += g * mean", "first += mean"),
+        (Variance, "dy <= radius", "dy < radius"),
+    ] {
+        let source = shader.source();
+        assert!(source.contains(from), "{shader:?} has no `{from}` any more");
+        let planted = whole.with_source(&gpu.device, shader, &source.replace(from, to));
+        let host = Host::with(gpu, planted);
+        let seen = stages(&host, &settings, frames.clone());
+        println!("{to}: {:?}", seen.map(|s| (s.most, s.beyond)));
+        let at = shader as usize;
+        if seen[at].agrees() {
+            unseen.push((from, to));
+        }
+    }
+    assert!(unseen.is_empty(), "{unseen:#?}");
+}
+
+/// Without a GPU: shaders validate, bind what Rust binds within WebGPU's default limits, and structs lie as Rust writes
+/// them.
+#[test]
+fn shaders_are_what_rust_takes_them_for() {
+    let limits = Limits::default();
+    for shader in SequenceShader::ALL {
+        let source = shader.source();
+        let module = naga::front::wgsl::parse_str(&source).unwrap_or_else(|e| panic!("{}", e.emit_to_string(&source)));
+        let mut validator =
+            naga::valid::Validator::new(naga::valid::ValidationFlags::all(), naga::valid::Capabilities::empty());
+        validator.validate(&module).unwrap_or_else(|e| panic!("{}", e.emit_to_string(&source)));
+        let mut found = Vec::new();
+        for (_, variable) in module.global_variables.iter() {
+            let Some(binding) = &variable.binding else { continue };
+            assert_eq!(binding.group, 0);
+            let kind = match variable.space {
+                naga::AddressSpace::Uniform => SequenceBinding::Uniform,
+                naga::AddressSpace::Handle => SequenceBinding::Frames,
+                naga::AddressSpace::Storage { access } if access.contains(naga::StorageAccess::STORE) => {
+                    SequenceBinding::Write
+                }
+                naga::AddressSpace::Storage { .. } => SequenceBinding::Read,
+                other => panic!("{other:?}"),
+            };
+            found.push((binding.binding, variable.name.clone().unwrap(), kind));
+        }
+        found.sort_by_key(|(binding, ..)| *binding);
+        let bound: Vec<_> =
+            (0..).zip(shader.bindings()).map(|(i, (name, kind))| (i, (*name).to_owned(), *kind)).collect();
+        assert_eq!(found, bound, "{shader:?}");
+        let count = |of: &[SequenceBinding]| bound.iter().filter(|(.., kind)| of.contains(kind)).count() as u32;
+        let buffers = count(&[SequenceBinding::Read, SequenceBinding::Write]);
+        assert!(buffers <= limits.max_storage_buffers_per_shader_stage, "{shader:?}: {buffers}");
+        assert!(count(&[SequenceBinding::Frames]) <= limits.max_sampled_textures_per_shader_stage);
+        for entry in &module.entry_points {
+            assert_eq!((entry.name.as_str(), entry.workgroup_size), (shader.entry(), [8, 8, 1]));
+        }
+        let layout = shader.layout();
+        let (_, ty) = module.types.iter().find(|(_, ty)| ty.name.as_deref() == Some(layout.name)).unwrap();
+        let naga::TypeInner::Struct { members, span } = &ty.inner else { panic!() };
+        let lies: Vec<_> = members.iter().map(|m| (m.name.clone().unwrap(), m.offset as usize)).collect();
+        let wanted: Vec<_> = layout.members.iter().map(|m| (m.name.to_owned(), m.offset)).collect();
+        assert_eq!((lies, *span as usize), (wanted, layout.size), "{shader:?}");
+    }
+}
