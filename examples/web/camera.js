@@ -62,6 +62,9 @@ export function told(frame, before, extent) {
     size: extent,
     before_size: extent,
     to_before: [1, 1],
+    // No tile of a larger picture.
+    origin: [0, 0],
+    whole: extent,
     matte_history: history,
     glossy_history: history,
     direct_history: history,

@@ -270,8 +270,9 @@ pub(super) fn filled(device: &wgpu::Device, label: &str, bytes: &[u8], usage: wg
     // Where the device is lost nothing is mapped, and nothing will run.
     if let Ok(mut mapped) = buffer.get_mapped_range_mut(..bytes.len() as u64) {
         mapped.copy_from_slice(bytes);
+        drop(mapped);
+        buffer.unmap();
     }
-    buffer.unmap();
     buffer
 }
 

@@ -86,10 +86,12 @@ pub(super) fn filled(device: &wgpu::Device, label: &str, bytes: &[u8], usage: wg
     let size = bytes.len().next_multiple_of(wgpu::COPY_BUFFER_ALIGNMENT as usize).max(LEAST) as u64;
     let descriptor = wgpu::BufferDescriptor { label: Some(label), size, usage, mapped_at_creation: true };
     let buffer = device.create_buffer(&descriptor);
-    // A device that is lost or out of memory has no range to write; the host hears of it from its device.
+    // A device that is lost or out of memory has no range to write; the host hears of it from its device, and not again from
+    // here by an error of validation.
     if let Ok(mut range) = buffer.get_mapped_range_mut(..bytes.len() as u64) {
         range.copy_from_slice(bytes);
+        drop(range);
+        buffer.unmap();
     }
-    buffer.unmap();
     buffer
 }

@@ -304,13 +304,15 @@ fn parallel_rays_agree() {
 }
 
 /// A change planted in the WGSL of a pass that the named comparison must see.
-const PLANTED: &[(&str, &str, &str)] = &[
+pub const PLANTED: &[(&str, &str, &str)] = &[
     // frame.wgsl
     ("3", "return view.eye + (", "return ("),
     ("4", "return view.origin[0] + view.origin[1] * pixel.x", "return view.origin[0] + view.origin[2] * pixel.x"),
     ("8", "homogeneous.xy / homogeneous.z", "homogeneous.xy / (1.001 * homogeneous.z)"),
     ("4", "select(1.0, view_depth, view.perspective != 0u)", "1e6"),
-    // guides.wgsl
+    // storage/float.wgsl
+    ("3", "return Moving(v.xy, v.z, v.w);", "return Moving(v.yx, v.z, v.w);"),
+    // guides
     ("9", "vec2f(pixel) + 0.5 + frame.jitter", "vec2f(pixel).yx"),
     ("6", "return depth_at(pixel) != BACKGROUND;", "return true;"),
     ("4", "geometry_normal(shape, skin),\n        depth,", "vec3f(0.0, 0.0, 1.0),\n        depth,"),
@@ -393,6 +395,14 @@ const PLANTED: &[(&str, &str, &str)] = &[
     ),
     ("3+8", "texel_of(glossy, on_surface)", "texel_of(matte, on_surface)"),
     ("6", "return texel.xyz;\n}\n", "return texel.zyx;\n}\n"),
+    ("6", "stored_colour(firefly(pixel))", "stored_colour(firefly_input(pixel))"),
+    ("11", "stored_colour(direct_taa(pixel))", "stored_colour(direct_at(pixel))"),
+    (
+        "8",
+        "let result = glossy_temporal(pixel, current, history, history_length);",
+        "let result = glossy_temporal(pixel, history, history, history_length);",
+    ),
+    ("8", "textureStore(new_length, pixel, vec4f(result.length))", "textureStore(new_length, pixel, vec4f(1.0))"),
     ("7", "settings.matte_edge, settings.matte_bilateral", "settings.matte_edge, settings.matte_prefilter"),
     ("8", "select(-accumulated.confidence, accumulated.confidence, on_surface)", "accumulated.length"),
     ("10", "glossy_bilateral(vec2i(0, 1), pixel)", "glossy_bilateral(vec2i(1, 0), pixel)"),

@@ -15,7 +15,7 @@ pub struct Gpu {
 }
 
 /// Futures of native back ends are ready when they are made.
-fn now<T>(future: impl Future<Output = T>) -> T {
+pub fn now<T>(future: impl Future<Output = T>) -> T {
     let mut future = pin!(future);
     loop {
         if let Poll::Ready(value) = future.as_mut().poll(&mut Context::from_waker(Waker::noop())) {
@@ -25,6 +25,12 @@ fn now<T>(future: impl Future<Output = T>) -> T {
 }
 
 fn open(features: wgpu::Features) -> Result<Gpu, String> {
+    open_with(features, |_| wgpu::Limits::default())
+}
+
+/// A device with these features, and limits made from the adapter's. A device is lost for all who hold it: tests that
+/// lose one take one of their own.
+pub fn open_with(features: wgpu::Features, limits: impl FnOnce(&wgpu::Limits) -> wgpu::Limits) -> Result<Gpu, String> {
     let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle());
     let adapter = now(instance.request_adapter(&wgpu::RequestAdapterOptions::default()))
         .map_err(|e| format!("there is no adapter: {e}"))?;
@@ -36,7 +42,7 @@ fn open(features: wgpu::Features) -> Result<Gpu, String> {
     let descriptor = wgpu::DeviceDescriptor {
         label: Some("quell tests"),
         required_features: features,
-        required_limits: wgpu::Limits::default(),
+        required_limits: limits(&adapter.limits()),
         ..Default::default()
     };
     let (device, queue) = now(adapter.request_device(&descriptor)).map_err(|e| format!("no device: {e}"))?;

@@ -124,7 +124,7 @@ fn fused_passes_agree_with_single_ones() {
 }
 
 /// A change planted in `storage/half.wgsl` that the named comparison must see.
-const PLANTED: &[(&str, &str, &str)] = &[
+pub const PLANTED: &[(&str, &str, &str)] = &[
     ("4", "(high << vec2u(NORMAL_LOW_BITS)) | low", "low"),
     ("4", "return skin.x & 0xffffu;", "return 0u;"),
     ("3", "select(value, -value, (code >> 19u) != 0u)", "value"),

@@ -4,12 +4,15 @@
 
 mod agreement;
 mod bisect;
+mod canaries;
 mod debug;
 mod device;
 mod half;
 mod hosts;
 mod inputs;
 mod kernel;
+mod loss;
+mod precision;
 mod prepare;
 mod program;
 mod sequence;

@@ -144,8 +144,14 @@ fn run(gpu: &Gpu, denoiser: &mut gpu::Denoiser, border: &Border<'_>) -> (Packed,
 
 /// The pass alone, from changed WGSL.
 fn run_changed(gpu: &Gpu, source: &str, border: &Border<'_>) -> (Packed, Sanitised) {
+    let (planes, counts) = planes_of_changed(gpu, Storage::Float, source, border);
+    (unpack(&planes), counts)
+}
+
+/// The words of its three planes.
+fn planes_of_changed(gpu: &Gpu, storage: Storage, source: &str, border: &Border<'_>) -> (Vec<Vec<f32>>, Sanitised) {
     use gpu::wgpu::{BufferUsages as B, TextureUsages as T};
-    let kernel = Kernel::with_source(&gpu.device, Pass::PREPARE, Storage::Float, source);
+    let kernel = Kernel::with_source(&gpu.device, Pass::PREPARE, storage, source);
     // `Guides` know the cameras only; their planes do not matter here.
     let blank = FrameBuf { previous_camera: border.previous_camera, ..FrameBuf::new(SIZE, border.camera) };
     let uniform = |bytes: &[u8]| gpu.buffer("told", bytes, B::UNIFORM);
@@ -171,8 +177,8 @@ fn run_changed(gpu: &Gpu, source: &str, border: &Border<'_>) -> (Packed, Sanitis
     let given = given.iter().zip(GuidePlane::ALL);
     let given = given.map(|(view, plane)| view.unwrap_or(if plane == GuidePlane::SurfaceId { &id } else { &depth }));
     let out = [Texel::Geometry, Texel::Surface, Texel::Moving].map(|texel| {
-        let bytes = vec![0xff; texel.bytes(Storage::Float) as usize * SIZE.pixels()];
-        gpu.texture_with("guides", texel.format(Storage::Float), SIZE, &bytes, T::STORAGE_BINDING | T::COPY_SRC)
+        let bytes = vec![0xff; texel.bytes(storage) as usize * SIZE.pixels()];
+        gpu.texture_with("guides", texel.format(storage), SIZE, &bytes, T::STORAGE_BINDING | T::COPY_SRC)
     });
     let bound: Vec<Bindable<'_>> = [Bindable::Uniform(&told), Bindable::Counts(&counts)]
         .into_iter()
@@ -183,7 +189,7 @@ fn run_changed(gpu: &Gpu, source: &str, border: &Border<'_>) -> (Packed, Sanitis
     kernel.encode(&gpu.device, &mut encoder, told, &bound, SIZE).unwrap();
     gpu.queue.submit([encoder.finish()]);
     let bytes: Vec<u8> = gpu.read_buffers(&[&counts])[0].iter().flat_map(|n| n.to_le_bytes()).collect();
-    (unpack(&gpu.read(SIZE, &out.each_ref())), gpu::Repairs::read(&bytes).unwrap())
+    (gpu.read(SIZE, &out.each_ref()), gpu::Repairs::read(&bytes).unwrap())
 }
 
 /// The host's textures of a frame.
@@ -605,6 +611,21 @@ fn wild() -> FrameBuf {
     frame
 }
 
+/// Changes planted in the border's pass, each of which must be seen.
+pub const PLANTED: &[(&str, &str)] = &[
+    ("note(PLANE_NORMAL, NOT_UNIT);", ""),
+    ("decoded = normalize(decoded);", ""),
+    ("if v < 0.0 || v > 1.0 {", "if v < 0.0 {"),
+    ("note(PLANE_MOTION, NOT_FINITE);", ""),
+    ("if !is_finite(v) {", "if is_infinite(v) {"),
+    ("guide.depth = BACKGROUND;", ""),
+    ("if hit < 0.0 {", "if hit < -2.0 {"),
+    ("} else if depth <= 0.0 {", "} else if depth < 0.0 {"),
+    ("count > 0u", "count > 1u"),
+    // guides/store.wgsl
+    ("Moving(guide.motion, guide.glossy_hit,", "Moving(guide.motion.yx, guide.glossy_hit,"),
+];
+
 #[test]
 fn repairs_are_those_of_the_border_and_counted_alike() {
     let Some(gpu) = gpu() else { return };
@@ -648,17 +669,7 @@ fn repairs_are_those_of_the_border_and_counted_alike() {
     };
     let (found, counted) = run_changed(gpu, &source, &whole);
     assert_eq!((difference(&expected(&frame), &found, FLOAT), of_guides(&counted)), (None, of_guides(&wanted)));
-    for (from, to) in [
-        ("note(PLANE_NORMAL, NOT_UNIT);", ""),
-        ("decoded = normalize(decoded);", ""),
-        ("if v < 0.0 || v > 1.0 {", "if v < 0.0 {"),
-        ("note(PLANE_MOTION, NOT_FINITE);", ""),
-        ("if !is_finite(v) {", "if is_infinite(v) {"),
-        ("guide.depth = BACKGROUND;", ""),
-        ("if hit < 0.0 {", "if hit < -2.0 {"),
-        ("} else if depth <= 0.0 {", "} else if depth < 0.0 {"),
-        ("count > 0u", "count > 1u"),
-    ] {
+    for (from, to) in PLANTED {
         assert!(source.contains(from), "`{from}` is not there");
         let (found, counted) = run_changed(gpu, &source.replacen(from, to, 1), &whole);
         let seen = difference(&expected(&frame), &found, FLOAT).is_some() || of_guides(&counted) != of_guides(&wanted);
@@ -712,10 +723,30 @@ fn half_floats_of_the_tests_are_right() {
     }
 }
 
+/// Changes planted in what packs guides for half storage, each of which must be seen.
+pub const PACKED: &[(&str, &str)] = &[
+    ("high.x | (high.y << 16u)", "high.y | (high.x << 16u)"),
+    ("(low.x << 26u) | (low.y << 29u)", "(low.x << 26u)"),
+    ("normal_code(normal) & vec2u(7u)", "normal_code(normal) & vec2u(3u)"),
+    ("short_id(id) | (step << 16u)", "id | (step << 16u)"),
+    ("select(0u, 1u << 19u, v < 0.0)", "0u"),
+    ("x | (y << 20u), (y >> 12u)", "x | (y << 20u), (y >> 11u)"),
+    ("min(moves.glossy_hit / depth, HALF_MAX)", "min(moves.glossy_hit, HALF_MAX)"),
+    ("(confidence << 24u)", "(240u << 24u)"),
+];
+
 #[test]
 fn half_storage_packs_as_the_cpu_packs() {
     let Some(gpu) = gpu() else { return };
-    let frame = scene_frame(2);
+    let mut frame = scene_frame(2);
+    // Every bit of normals, ids of more than 16 bits, hit distances without end.
+    frame.normal = Some(Plane::from_fn(SIZE, |x, y| {
+        let v = [0, 1, 2].map(|c| hash([x as u32, y as u32, c, 1]) as f32 - 0.5);
+        Vec3::from(v).normalize_or(Vec3::Z).to_array()
+    }));
+    let mix = |p: &mut Plane<u32>| p.data_mut().iter_mut().step_by(3).for_each(|id| *id = *id * 77_777 + 70_000);
+    frame.surface_id.iter_mut().for_each(mix);
+    frame.glossy_hit_distance = Some(Plane::from_fn(SIZE, |x, _| [f32::INFINITY, 1.5, 0.25][x % 3]));
     let host = Host::new(gpu, &frame);
     let texels = pack_guides(&guides(&frame), Storage::Half);
     let planes = [
@@ -723,16 +754,27 @@ fn half_storage_packs_as_the_cpu_packs() {
         (Texel::Surface, &texels.surface, 0.05),
         (Texel::Moving, &texels.moving, 0.02),
     ];
+    // The share of words that differ. A quotient or a root may round otherwise: the last bit of a code.
+    let others = |found: &[Vec<f32>]| -> Vec<f64> {
+        let other = |((_, bytes, _), found): (&(Texel, &Vec<u8>, f64), &Vec<f32>)| {
+            let wanted = bytes.as_chunks::<4>().0.iter().map(|b| u32::from_le_bytes(*b));
+            wanted.zip(found).filter(|(p, q)| *p != q.to_bits()).count() as f64 / found.len() as f64
+        };
+        planes.iter().zip(found).map(other).collect()
+    };
+    let alike = |others: &[f64]| planes.iter().zip(others).all(|((.., most), other)| other <= most);
     let mut denoiser = border_alone(gpu, Storage::Half);
     let mut encoder = gpu.device.create_command_encoder(&CommandEncoderDescriptor { label: Some("test") });
     denoiser.encode(&gpu.device, &mut encoder, &host.border().frame()).unwrap();
     gpu.queue.submit([encoder.finish()]);
-    let out = OUT.map(|slot| denoiser.plane(slot).unwrap());
-    for ((texel, bytes, most), found) in planes.into_iter().zip(gpu.read(SIZE, &out)) {
-        let wanted = bytes.as_chunks::<4>().0.iter().map(|b| u32::from_le_bytes(*b));
-        // A quotient or a root may round otherwise: the last bit of a code.
-        let other = wanted.zip(&found).filter(|(p, q)| *p != q.to_bits()).count();
-        println!("{texel:?}: {other} of {} words", found.len());
-        assert!(other as f64 <= most * found.len() as f64, "{texel:?}: {other} of {} words differ", found.len());
+    let found = others(&gpu.read(SIZE, &OUT.map(|slot| denoiser.plane(slot).unwrap())));
+    println!("{found:?} of the words differ");
+    assert!(alike(&found), "{found:?} of the words differ");
+    let source = Pass::PREPARE.source(Storage::Half, false);
+    for (from, to) in PACKED {
+        assert!(source.contains(from), "`{from}` is not there");
+        let planted = source.replacen(from, to, 1);
+        let found = others(&planes_of_changed(gpu, Storage::Half, &planted, &host.border()).0);
+        assert!(!alike(&found), "`{from}` made `{to}` went unseen: {found:?}");
     }
 }
