@@ -4,7 +4,7 @@
 use super::agreement::{self, CASES, SIZE, scenes, settings_with};
 use super::device::{Output, colour_bytes, gpu};
 use super::inputs::Inputs;
-use super::{half, prepare, wavelet};
+use super::{half, prepare, wavelet, window};
 use quell::Plane;
 use quell::border::{PlaneName, Repair};
 use quell::gpu::{Bindable, Kernel, Pass, Repairs, Storage, Told, wgpu};
@@ -51,6 +51,7 @@ fn is_planted(text: &str, changes: &[&str]) -> bool {
 fn every_file_of_shaders_has_a_planted_change() {
     let packed = prepare::PACKED.iter();
     let passes = agreement::PLANTED.iter().chain(half::PLANTED).map(|(_, from, _)| *from);
+    let passes = passes.chain(window::PLANTED.iter().map(|(_, from, _)| *from));
     let others = wavelet::PLANTED.iter().chain(prepare::PLANTED).chain(packed).chain(&COUNTED).chain(&PLANTED);
     let changes: Vec<&str> = passes.chain(others.map(|(from, _)| *from)).collect();
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
@@ -134,7 +135,7 @@ fn repaired_colours_are_counted_plane_by_plane() {
         gpu.queue.submit([encoder.finish()]);
         let bytes: Vec<u8> = gpu.read_buffers(&[&counts])[0].iter().flat_map(|n| n.to_le_bytes()).collect();
         let counts = Repairs::read(&bytes).unwrap();
-        PLANES.map(|plane| counts.count(plane, Repair::NotFinite) as u64).to_vec()
+        PLANES.map(|plane| counts.count(plane, Repair::NotFinite)).to_vec()
     };
     let source = Pass::COUNT_REPAIRS.source(Storage::Float, false);
     let wanted: Vec<u64> = (1..=PLANES.len() as u64).collect();

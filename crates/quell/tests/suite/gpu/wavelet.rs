@@ -312,6 +312,7 @@ pub const PLANTED: &[(&str, &str)] = &[
     ("scale * scale * sum.w", "scale * sum.w"),
     ("dy <= 2", "dy < 2"),
     ("dx <= 2", "dx < 2"),
+    ("guides.normal = normals[i];", "guides.normal = geometry[i];"),
 ];
 
 #[test]

@@ -424,58 +424,68 @@ fn what_is_not_for_the_device_is_filtered_as_before() {
     assert!(error.contains("max_texture_dimension_2d"), "{error}");
 }
 
+/// Changes planted in the shaders, each of which must be seen.
+pub const PLANTED: &[(SequenceShader, &str, &str)] = &[
+    (SequenceShader::Guides, "DIVIDED = 8.0", "DIVIDED = 7.0"),
+    (SequenceShader::Guides, "select(b, a, abs(a) < abs(b))", "a"),
+    (SequenceShader::Guides, "case 3: { way = vec2i(1, -1); }", ""),
+    (SequenceShader::Guides, "/ (2.0 * here)", "/ here"),
+    (SequenceShader::Guides, "0.5 * dot(d, d)", "dot(d, d)"),
+    (SequenceShader::Guides, "vec4f(colour + vec3f(DIVIDED * facing.w, 0.0, 0.0), facing.w)", "vec4f(colour, 0.0)"),
+    (SequenceShader::Guides, "slope(pixel, vec2i(0, 1), here)", "slope(pixel, vec2i(1, 0), here)"),
+    (SequenceShader::Gather, "MOVING_WEIGHT = 0.7", "MOVING_WEIGHT = 0.71"),
+    (SequenceShader::Gather, "STANDING_NORMAL = 0.6", "STANDING_NORMAL = 0.999"),
+    (SequenceShader::Gather, "MOVING_NORMAL = 0.7", "MOVING_NORMAL = 0.999"),
+    (SequenceShader::Gather, "PLANE_NORMAL = 0.9", "PLANE_NORMAL = 0.99999"),
+    (SequenceShader::Gather, "STANDING_REACH = 6.0", "STANDING_REACH = 0.5"),
+    (SequenceShader::Gather, "ROUND_TRIP_SHARE = 0.05", "ROUND_TRIP_SHARE = 0.5"),
+    (SequenceShader::Gather, "MOVING_DEPTH = 0.1", "MOVING_DEPTH = 0.01"),
+    (SequenceShader::Gather, "LEAST_SHARE = 0.01", "LEAST_SHARE = 0.1"),
+    (SequenceShader::Gather, "const APART = 1e9", "const APART = 0.0"),
+    (SequenceShader::Gather, "power *= told.decay", "power *= 0.99 * told.decay"),
+    (SequenceShader::Gather, "abs(at.y - origin.y) > told.farthest", "abs(at.y - origin.y) > 0.5 * told.farthest"),
+    (SequenceShader::Gather, "any(q < vec2i(0))", "any(q < vec2i(1))"),
+    (SequenceShader::Gather, "let has_back = has_motion(there, !forward)", "let has_back = false"),
+    (SequenceShader::Gather, "reflected && has(there, REFLECTION_TO_NEXT)", "false"),
+    (SequenceShader::Gather, "reflected && has(there, REFLECTION_TO_PREVIOUS)", "false"),
+    (SequenceShader::Gather, "if share > best {", "if share < best || best == 0.0 {"),
+    (SequenceShader::Gather, "share * trust, power", "share, power"),
+    (SequenceShader::Gather, "told.seen_normal * bend", "0.5 * told.seen_normal * bend"),
+    (SequenceShader::Gather, "dot(d, d) * 0.5", "dot(d, d) * 0.45"),
+    (SequenceShader::Gather, "squares += weights * weights", "squares += weights"),
+    (SequenceShader::Gather, "count / (count - 1.0)", "1.0"),
+    (SequenceShader::Gather, "- mean * mean, 0.0)", "- 0.9 * mean * mean, 0.0)"),
+    (
+        SequenceShader::Gather,
+        "if !(pixel_size > 0.0 && off_plane(s, tracked)",
+        "if (pixel_size > 0.0 && off_plane(s, tracked)",
+    ),
+    (SequenceShader::Gather, "largest = max(largest, count)", "largest = count"),
+    (SequenceShader::Gather, "if told.begins == 0u", "if told.begins == 7u"),
+    (SequenceShader::Gather, "if told.future != 0u", "if told.future == 7u"),
+    (SequenceShader::Variance, "(counts[q][level.place] - 1.0", "(counts[q].x - 1.0"),
+    (
+        SequenceShader::Variance,
+        "max(second / total - mean * mean, 0.0) * count",
+        "max(second / total - mean * mean, 0.0)",
+    ),
+    (SequenceShader::Variance, "level.given != 0u", "level.given == 7u"),
+    (SequenceShader::Variance, "min(freedom / level.trusted_samples, 1.0)", "1.0"),
+    (SequenceShader::Variance, "/ max(count, 1.0)", ""),
+    (SequenceShader::Variance, "spread += free * colour.w", "spread += g * colour.w"),
+    (SequenceShader::Variance, "first += g * mean", "first += mean"),
+    (SequenceShader::Variance, "dy <= radius", "dy < radius"),
+];
+
 #[test]
 fn planted_differences_are_found() {
     let Some(gpu) = gpu() else { return };
     let size = Size::new(31, 17);
-    use SequenceShader::{Gather, Guides, Variance};
     let frames: Vec<SequenceFrame> = (0..3).map(|t| scene(size, t)).collect();
     let settings = settings(&[("gather.travel", "0.1")]);
     let whole = SequenceShaders::new(&gpu.device);
     let mut unseen = Vec::new();
-    for (shader, from, to) in [
-        (Guides, "DIVIDED = 8.0", "DIVIDED = 7.0"),
-        (Guides, "select(b, a, abs(a) < abs(b))", "a"),
-        (Guides, "case 3: { way = vec2i(1, -1); }", ""),
-        (Guides, "/ (2.0 * here)", "/ here"),
-        (Guides, "0.5 * dot(d, d)", "dot(d, d)"),
-        (Guides, "vec4f(colour + vec3f(DIVIDED * facing.w, 0.0, 0.0), facing.w)", "vec4f(colour, 0.0)"),
-        (Guides, "slope(pixel, vec2i(0, 1), here)", "slope(pixel, vec2i(1, 0), here)"),
-        (Gather, "MOVING_WEIGHT = 0.7", "MOVING_WEIGHT = 0.71"),
-        (Gather, "STANDING_NORMAL = 0.6", "STANDING_NORMAL = 0.999"),
-        (Gather, "MOVING_NORMAL = 0.7", "MOVING_NORMAL = 0.999"),
-        (Gather, "PLANE_NORMAL = 0.9", "PLANE_NORMAL = 0.99999"),
-        (Gather, "STANDING_REACH = 6.0", "STANDING_REACH = 0.5"),
-        (Gather, "ROUND_TRIP_SHARE = 0.05", "ROUND_TRIP_SHARE = 0.5"),
-        (Gather, "MOVING_DEPTH = 0.1", "MOVING_DEPTH = 0.01"),
-        (Gather, "LEAST_SHARE = 0.01", "LEAST_SHARE = 0.1"),
-        (Gather, "const APART = 1e9", "const APART = 0.0"),
-        (Gather, "power *= told.decay", "power *= 0.99 * told.decay"),
-        (Gather, "abs(at.y - origin.y) > told.farthest", "abs(at.y - origin.y) > 0.5 * told.farthest"),
-        (Gather, "any(q < vec2i(0))", "any(q < vec2i(1))"),
-        (Gather, "let has_back = has_motion(there, !forward)", "let has_back = false"),
-        (Gather, "reflected && has(there, REFLECTION_TO_NEXT)", "false"),
-        (Gather, "reflected && has(there, REFLECTION_TO_PREVIOUS)", "false"),
-        (Gather, "if share > best {", "if share < best || best == 0.0 {"),
-        (Gather, "share * trust, power", "share, power"),
-        (Gather, "told.seen_normal * bend", "0.5 * told.seen_normal * bend"),
-        (Gather, "dot(d, d) * 0.5", "dot(d, d) * 0.45"),
-        (Gather, "squares += weights * weights", "squares += weights"),
-        (Gather, "count / (count - 1.0)", "1.0"),
-        (Gather, "- mean * mean, 0.0)", "- 0.9 * mean * mean, 0.0)"),
-        (Gather, "if !(pixel_size > 0.0 && off_plane(s, tracked)", "if (pixel_size > 0.0 && off_plane(s, tracked)"),
-        (Gather, "largest = max(largest, count)", "largest = count"),
-        (Gather, "if told.begins == 0u", "if told.begins == 7u"),
-        (Gather, "if told.future != 0u", "if told.future == 7u"),
-        (Variance, "(counts[q][level.place] - 1.0", "(counts[q].x - 1.0"),
-        (Variance, "max(second / total - mean * mean, 0.0) * count", "max(second / total - mean * mean, 0.0)"),
-        (Variance, "level.given != 0u", "level.given == 7u"),
-        (Variance, "min(freedom / level.trusted_samples, 1.0)", "1.0"),
-        (Variance, "/ max(count, 1.0)", ""),
-        (Variance, "spread += free * colour.w", "spread += g * colour.w"),
-        (Variance, "first += g * mean", "first += mean"),
-        (Variance, "dy <= radius", "dy < radius"),
-    ] {
+    for &(shader, from, to) in PLANTED {
         let source = shader.source();
         assert!(source.contains(from), "{shader:?} has no `{from}` any more");
         let planted = whole.with_source(&gpu.device, shader, &source.replace(from, to));
