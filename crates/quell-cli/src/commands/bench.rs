@@ -70,6 +70,14 @@ pub fn run(context: &Context, args: BenchArgs) -> Result<(), Failure> {
             text.push_str(&format!("{}\n", table(&stages, size)));
         }
         text.push_str(&measured.sentence(filters, whole));
+        let border = border_bytes(context).filter(|_| measured.frame.is_some());
+        if let Some(bytes) = border {
+            let floor = f64::from(bytes) * size.pixels() as f64 / (bandwidth.gigabytes_a_second * 1e6);
+            text.push_str(&format!(
+                "before them, in a renderer whose guides are textures: prepare, {bytes} bytes/pixel, floor {} ms\n",
+                time(floor)
+            ));
+        }
         if let Some(peak) = peak_memory() {
             text.push_str(&format!(
                 "peak memory of the process so far: {:.2} GiB\n",
@@ -93,6 +101,7 @@ pub fn run(context: &Context, args: BenchArgs) -> Result<(), Failure> {
             "frame_ms": measured.frame.map_or(whole, |frame| frame.median),
             "shared_passes": measured.shared,
             "bytes_per_pixel": measured.bytes.iter().map(|(stage, bytes)| (stage.name(), *bytes)).collect::<BTreeMap<_, _>>(),
+            "prepare_bytes_per_pixel": border,
             "peak_memory_bytes": peak_memory(),
             "rays": rays.map(|r| json!({
                 "per_second": r.per_second, "per_pixel": r.per_pixel, "milliseconds": r.milliseconds,
@@ -210,6 +219,20 @@ fn measure(context: &Context, frame: &mut FrameBuf, args: &BenchArgs) -> Result<
     let counted = |stage| denoiser.bytes_per_pixel(stage).map(|bytes| (stage, bytes));
     let bytes = Stage::ALL.into_iter().filter_map(counted).collect();
     Ok(Measured { clock, frames, frame: Spread::of(walls), bytes, shared: denoiser.shared_passes() })
+}
+
+/// Bytes a pixel that a GPU moves before the stages where guides come as a renderer's textures; here they come packed.
+#[cfg(feature = "gpu")]
+fn border_bytes(context: &Context) -> Option<u32> {
+    use quell::gpu::{Contents, Program, Storage};
+    let contents = Contents { textures: true, ..Contents::USUAL };
+    let plan = quell::pipeline::Plan::new(&context.settings, contents.inputs());
+    Some(Program::new(&plan, contents, Storage::default(), true).border_bytes_per_pixel())
+}
+
+#[cfg(not(feature = "gpu"))]
+fn border_bytes(_: &Context) -> Option<u32> {
+    None
 }
 
 struct Rays {

@@ -205,6 +205,8 @@ fn bench_has_times_bytes_and_floors() {
             .chain(["glossy_temporal", "glossy_bilateral_h", "glossy_bilateral_v"])
             .map(bytes)
             .sum();
+        // Guides made of textures come before the stages, and are not among them.
+        assert_eq!(run["prepare_bytes_per_pixel"], 47);
         // What the design promises of stages 3 to 10.
         assert!(sum > 100.0 && sum <= 260.0, "{sum} bytes a pixel");
         // Times of stages need timestamps; their floors follow from the bytes.

@@ -254,7 +254,15 @@ impl<'a> Builder<'a> {
             Slot::Guide(plane) => Some(self.index(Slot::Absent(plane.sample()), Holds::Host(plane.sample()))),
             _ => None,
         };
-        self.resources.push(Resource { slot, holds, role, alternates: slot.alternates(), absent });
+        self.resources.push(Resource {
+            slot,
+            holds,
+            role,
+            alternates: slot.alternates(),
+            absent,
+            shares: None,
+            lasts: true,
+        });
         self.resources.len() - 1
     }
 

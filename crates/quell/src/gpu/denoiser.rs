@@ -63,6 +63,11 @@ fn wanted(plan: &Plan, contents: Contents, composite: bool) -> Plan {
     plan
 }
 
+fn program_of(plan: &Plan, contents: Contents, options: &Options) -> Program {
+    let program = Program::new(plan, contents, options.storage, options.fuse);
+    if options.share_planes { program.with_shared_planes() } else { program }
+}
+
 impl Denoiser {
     /// A denoiser for frames of `size`: compiles the passes and makes the planes, on the caller's device, that a frame
     /// with both signals needs. What only other frames or settings need is made when they first come.
@@ -75,7 +80,7 @@ impl Denoiser {
         let plans = PlanCache::new(&options.settings);
         let usual = Contents::USUAL;
         let plan = wanted(&Plan::new(&options.settings, usual.inputs()), usual, options.composite);
-        let program = Program::new(&plan, Contents::USUAL, options.storage, options.fuse);
+        let program = program_of(&plan, usual, options);
         let mut planes = Planes::new(device, size, &options.label, options.storage)?;
         let mut kernels = Kernels::default();
         workgroups(device, "denoiser", size)?;
@@ -146,14 +151,17 @@ impl Denoiser {
         &self.program.2
     }
 
-    /// Device memory of the planes of [`Denoiser::program`].
+    /// Device memory of the planes that were made: of [`Denoiser::program`], and what other contents or settings needed
+    /// before.
     pub fn memory(&self) -> Memory {
-        self.program.2.memory(self.size.pixels())
+        self.planes.memory()
     }
 
-    /// A plane as the last frame that was encoded left it; `None`: the program has none. For debug views and bisecting.
+    /// A plane as the last frame that was encoded left it; `None`: the program has none, or another plane has its texture
+    /// by now ([`Options::share_planes`]). For debug views and bisecting.
     pub fn plane(&self, slot: Slot) -> Option<&wgpu::TextureView> {
-        self.planes.view(slot, false, self.turn)
+        let index = self.program.2.resources.iter().position(|r| r.slot == slot && r.lasts)?;
+        self.planes.view(self.program.2.home(index)?.slot, false, self.turn)
     }
 
     /// Appends to the encoder what brings home the times of the last frame that was encoded, with
@@ -257,13 +265,13 @@ impl Denoiser {
 
     /// Program, planes and passes for a frame with these contents.
     fn prepare(&mut self, device: &wgpu::Device, contents: Contents) {
-        let Options { settings, storage, fuse, composite, .. } = &self.options;
-        let plan = wanted(self.plans.get(settings, contents.inputs()), contents, *composite);
+        let plan = self.plans.get(&self.options.settings, contents.inputs());
+        let plan = wanted(plan, contents, self.options.composite);
         let (last_plan, last_contents, _) = &self.program;
         if *last_plan == plan && *last_contents == contents {
             return;
         }
-        let program = Program::new(&plan, contents, *storage, *fuse);
+        let program = program_of(&plan, contents, &self.options);
         self.planes.ensure(device, &program);
         self.kernels.ensure(device, &program);
         self.groups.clear();

@@ -80,6 +80,14 @@ pub enum Error {
         /// What was asked for.
         image: &'static str,
     },
+    /// A debug view of an image whose texture another one has by now.
+    #[error(
+        "{image} cannot be shown: another image has its texture by now; make the denoiser with Options::share_planes off"
+    )]
+    DebugShared {
+        /// What was asked for.
+        image: &'static str,
+    },
     /// A setting, a size or a camera that no back end takes.
     #[error(transparent)]
     Denoiser(#[from] crate::Error),

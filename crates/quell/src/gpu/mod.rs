@@ -64,6 +64,7 @@ mod repairs;
 mod sequence;
 mod sequence_shaders;
 mod sequence_window;
+mod share;
 mod slot;
 mod small;
 mod storage;

@@ -13,6 +13,10 @@ pub struct Options {
     pub storage: Storage,
     /// Stages that can share a pass do. Off: one stage a pass, to bisect and to compare with.
     pub fuse: bool,
+    /// Planes that are needed within a frame only share textures: the same bits in a sixth less memory (half storage, both
+    /// signals, direct light and the sum). On by default. Off: [`super::Denoiser::plane`] and [`super::DebugView::Light`]
+    /// have every intermediate image.
+    pub share_planes: bool,
     /// Direct light is anti-aliased (stage 11) where the frame has jitter, and the sum is made. Off by default: hosts have
     /// their own; then [`super::Output::composite`] is `None`.
     pub composite: bool,
@@ -33,6 +37,7 @@ impl Options {
             settings: settings.clone(),
             storage: Storage::default(),
             fuse: true,
+            share_planes: true,
             composite: false,
             count_repairs: false,
             timings: false,

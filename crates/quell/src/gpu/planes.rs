@@ -1,7 +1,7 @@
 //! The denoiser's own textures: one for each plane of the program, two where it alternates.
 
 use super::error::Error;
-use super::program::{Holds, Program, Role};
+use super::program::{Holds, Memory, Program, Role};
 use super::slot::Slot;
 use super::storage::Storage;
 use crate::denoiser::MAX_EXTENT;
@@ -31,6 +31,7 @@ impl Planes {
             use wgpu::TextureUsages as U;
             let (size, format, usage) = match (resource.holds, resource.role) {
                 (_, Role::Input) => continue,
+                _ if resource.shares.is_some() => continue,
                 (Holds::Plane(texel), _) => {
                     let usage = U::TEXTURE_BINDING | U::STORAGE_BINDING | U::COPY_SRC | U::COPY_DST;
                     (self.size, texel.format(self.storage), usage)
@@ -64,6 +65,24 @@ impl Planes {
                 copies.iter().map(make).collect()
             });
         }
+    }
+
+    /// Bytes of all textures that were made, whichever program needed them; what stands in for absent ones left out.
+    pub(super) fn memory(&self) -> Memory {
+        let mut memory = Memory::default();
+        for (slot, copies) in &self.copies {
+            let textures = copies.iter().map(wgpu::TextureView::texture);
+            let bytes = textures.map(|texture| {
+                let texel = texture.format().block_copy_size(None).unwrap_or_default();
+                u64::from(texel) * u64::from(texture.width()) * u64::from(texture.height())
+            });
+            match (slot, copies.len()) {
+                (Slot::Absent(_), _) => {}
+                (_, 1) => memory.transient += bytes.sum::<u64>(),
+                _ => memory.persistent += bytes.sum::<u64>(),
+            }
+        }
+        memory
     }
 
     /// The plane that a frame of this turn writes (`before`: that the one before wrote).

@@ -6,6 +6,7 @@
 
 use super::builder::Builder;
 use super::pass::{Binding, Pass, Sample};
+use super::share;
 use super::slot::Slot;
 use super::storage::{Storage, Texel};
 use crate::pipeline::{Image, Inputs, Plan, Stage};
@@ -112,6 +113,10 @@ pub struct Resource {
     pub alternates: bool,
     /// The host may have none: index of the resource that is bound then.
     pub absent: Option<usize>,
+    /// It has no texture of its own, but that of this resource ([`Program::with_shared_planes`]).
+    pub shares: Option<usize>,
+    /// What it holds lasts until the next frame: no other resource has its texture later in this one.
+    pub lasts: bool,
 }
 
 impl Resource {
@@ -202,6 +207,20 @@ impl Program {
         Builder::new(plan, contents).build(storage, fuse)
     }
 
+    /// The same with planes that are needed within the frame only, and outputs, in one texture where none of them is needed
+    /// while another is.
+    #[must_use]
+    pub fn with_shared_planes(mut self) -> Self {
+        share::share(&mut self);
+        self
+    }
+
+    /// The resource that has the texture of this one: itself, unless it shares.
+    pub(super) fn home(&self, index: usize) -> Option<&Resource> {
+        let resource = self.resources.get(index)?;
+        self.resources.get(resource.shares.unwrap_or(index))
+    }
+
     /// Bytes a pixel that a dispatch moves: each plane once that it reads or writes ([`Resource::bytes`]).
     pub fn bytes_of(&self, dispatch: &Dispatch) -> u32 {
         let mut seen: Vec<Bound> = Vec::new();
@@ -236,7 +255,8 @@ impl Program {
     pub fn memory(&self, pixels: usize) -> Memory {
         let mut memory = Memory::default();
         for resource in &self.resources {
-            let Some(texel) = resource.texel().filter(|_| resource.role != Role::Input) else { continue };
+            let is_own = resource.role != Role::Input && resource.shares.is_none();
+            let Some(texel) = resource.texel().filter(|_| is_own) else { continue };
             let bytes = u64::from(texel.bytes(self.storage)) * pixels as u64;
             if resource.alternates {
                 memory.persistent += 2 * bytes;

@@ -79,7 +79,7 @@ impl<'a> Binder<'a> {
     }
 
     fn own(&self, index: usize, before: bool) -> Option<&'a wgpu::TextureView> {
-        self.planes.view(self.resource(index)?.slot, before, self.turn)
+        self.planes.view(self.program.home(index)?.slot, before, self.turn)
     }
 
     /// The caller's texture in the place of an image that is shown and not remembered.

@@ -21,7 +21,8 @@ impl Denoiser {
     /// denoiser's storage. The host's own inputs and targets are shown as they are when the encoder runs.
     ///
     /// # Errors
-    /// No frame was encoded since `new` or `resize`; an image that it did not make; a target of another format, too small
+    /// No frame was encoded since `new` or `resize`; an image that it did not make, or whose texture another one has by
+    /// now; a target of another format, too small
     /// or without its usage.
     pub fn encode_debug(
         &self,
@@ -35,14 +36,17 @@ impl Denoiser {
         let last = self.last.as_ref().ok_or(missing("frame"))?;
         let (plan, _, program) = &self.program;
         let plane = |slot: Slot, before| self.planes.view(slot, before, self.turn).ok_or(missing(slot.name()));
-        let of = |index: Option<usize>| self.planes.view(program.resources.get(index?)?.slot, false, self.turn);
+        let of = |index: Option<usize>| self.planes.view(program.home(index?)?.slot, false, self.turn);
         let told = |part| self.small.binding(part).ok_or(missing("frame"));
         let image = match view {
             DebugView::Light(image) => {
                 let slot = program.slot_of(plan, image).ok_or(missing(image.name()))?;
                 match last.hosts.get(&slot) {
                     Some(view) => view,
-                    None => plane(slot, false)?,
+                    None if program.resources.iter().any(|r| r.slot == slot && !r.lasts) => {
+                        return Err(Error::DebugShared { image: slot.name() });
+                    }
+                    None => self.plane(slot).ok_or(missing(slot.name()))?,
                 }
             }
             _ => of(program.shown.confidence).unwrap_or(views.nothing()),

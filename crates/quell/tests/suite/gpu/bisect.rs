@@ -25,7 +25,8 @@ pub fn bisect(
 ) -> Vec<Departure> {
     let last = frames.last().unwrap();
     let mut options = exact(settings);
-    options.fuse = false;
+    // Every stage its pass, and every image its texture.
+    (options.fuse, options.share_planes) = (false, false);
     let mut denoiser = gpu::Denoiser::new(&gpu.device, last.size, &options).unwrap();
     let mut reference = Reference::new(last.size);
     let mut before = None;

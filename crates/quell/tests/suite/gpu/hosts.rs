@@ -8,8 +8,9 @@ use crate::suite::frames::{
     Noise, Scene, box_before_wall, denoise, hash, mirror, moving, sphere, still, wall, with_radius,
 };
 use quell::frame::PassBuf;
-use quell::gpu::wgpu::{CommandEncoder, CommandEncoderDescriptor, TextureUsages, TextureView};
-use quell::gpu::{self, Options, Storage, Targets, Texel};
+use quell::gpu::wgpu::{self, CommandEncoder, CommandEncoderDescriptor, TextureUsages, TextureView};
+use quell::gpu::{self, DebugTarget, DebugView, DebugViews, Options, Slot, Storage, Targets, Texel};
+use quell::pipeline::Image;
 use quell::{Backend, Denoiser, FrameBuf, Plane, Rgb, Settings, Signal, Size};
 
 const SIZE: Size = Size::new(48, 31);
@@ -216,6 +217,54 @@ fn no_trust_resets_its_pixel_alone_and_reset_all() {
         assert_eq!(*n, if masked(i) { 1.0 } else { *all }, "pixel {i}");
     }
     assert!(reset.data().iter().all(|n| *n == 1.0));
+}
+
+#[test]
+fn shared_planes_give_the_same_bits_in_less_memory() {
+    let Some(gpu) = gpu() else { return };
+    let scene = box_before_wall(moving, Noise::Sparse(0.4));
+    for (fuse, composite) in [(true, true), (false, false)] {
+        let mut options = Options::new(&settings());
+        (options.fuse, options.composite) = (fuse, composite);
+        let [mut shared, mut single] = [true, false].map(|share| {
+            options.share_planes = share;
+            gpu::Denoiser::new(&gpu.device, SIZE, &options).unwrap()
+        });
+        let before = single.memory();
+        assert_eq!(before, single.program().memory(SIZE.pixels()));
+        assert!(shared.memory().transient < before.transient);
+        for i in 0..4 {
+            let mut frame = scene.frame(SIZE, i);
+            frame.camera.jitter = [0.25, -0.125 * i as f32];
+            if i == 2 {
+                split(&mut frame);
+            }
+            let host = HostFrame::new(gpu, &frame);
+            let [a, b] = [&mut shared, &mut single].map(|d| run(gpu, d, &host, Targets::default()));
+            assert_eq!(named(gpu, &a), named(gpu, &b), "fused {fuse}, frame {i}");
+            let joint = |output: &gpu::Output| gpu.read(SIZE, &output.joint.iter().collect::<Vec<_>>());
+            assert_eq!(joint(&a), joint(&b), "fused {fuse}, frame {i}");
+            assert_eq!(a.joint.len(), frame.passes.len());
+        }
+        // What joint planes needed is told, too.
+        assert!(single.memory().transient > before.transient && single.memory().persistent > before.persistent);
+        // What another image has overwritten is not shown.
+        let slot = Slot::Image(Image::MattePrefiltered);
+        assert!(single.plane(slot).is_some() && shared.plane(slot).is_none());
+        let format = wgpu::TextureFormat::Rgba16Float;
+        let views = DebugViews::new(&gpu.device, Storage::Half, format).unwrap();
+        let view = target(gpu, SIZE);
+        let show = |denoiser: &gpu::Denoiser, image| {
+            let target = DebugTarget { view: &view, scale: 1.0 };
+            denoiser.encode_debug(&gpu.device, &mut encoder(gpu), &views, DebugView::Light(image), target)
+        };
+        for image in [Image::MattePrefiltered, Image::MatteFiltered, Image::MatteInput] {
+            assert_eq!(show(&single, image), Ok(()));
+        }
+        let error = show(&shared, Image::MattePrefiltered).unwrap_err().to_string();
+        assert!(error.contains("share_planes"), "{error}");
+        assert_eq!(show(&shared, Image::MatteFiltered), Ok(()));
+    }
 }
 
 /// Mean confidence, and the relative difference (rms) of two signals.

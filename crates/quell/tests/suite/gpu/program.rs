@@ -2,7 +2,7 @@
 
 use quell::Settings;
 use quell::gpu::wgpu::Limits;
-use quell::gpu::{BindingKind, Contents, Holds, Program, Role, SignalContents, Slot, Storage};
+use quell::gpu::{BindingKind, Contents, Dispatch, Holds, Program, Role, SignalContents, Slot, Storage, Texel};
 use quell::pipeline::{Plan, Stage};
 
 fn program(settings: &Settings, contents: Contents, storage: Storage, fuse: bool) -> Program {
@@ -147,6 +147,108 @@ fn every_plane_is_written_before_it_is_read_and_never_while() {
             assert!(resource.role == Role::Input || written.contains(&resource.slot), "{what}: {:?}", resource.slot);
         }
     });
+}
+
+/// Runs a program in thought, and asks at every reading whether the texture still holds what is read.
+fn overwritten(program: &Program) -> Option<String> {
+    let mut holds: Vec<usize> = (0..program.resources.len()).collect();
+    let home = |index: usize| program.resources[index].shares.unwrap_or(index);
+    for dispatch in &program.dispatches {
+        let bound = || program.bindings(dispatch).zip(&dispatch.bound);
+        let stored: Vec<usize> = bound()
+            .filter(|((binding, ..), _)| matches!(binding.kind, BindingKind::Stored(_)))
+            .map(|(_, bound)| bound.resource)
+            .collect();
+        for ((binding, resource, _), bound) in bound() {
+            let is_read = !matches!(binding.kind, BindingKind::Stored(_));
+            if is_read && holds[home(bound.resource)] != bound.resource && resource.shares.is_some() {
+                return Some(format!("{} reads {:?}, which is gone", dispatch.pass.name, resource.slot));
+            }
+            if is_read && stored.iter().any(|index| home(*index) == home(bound.resource) && !bound.before) {
+                return Some(format!("{} writes over {:?}, which it reads", dispatch.pass.name, resource.slot));
+            }
+        }
+        for index in stored {
+            holds[home(index)] = index;
+        }
+    }
+    let shown = &program.shown;
+    let shown = [shown.composite, shown.direct, shown.matte, shown.glossy, shown.confidence, shown.length];
+    let shown = shown.into_iter().flatten().chain(program.joint.iter().flatten().copied());
+    let lost = |index: &usize| program.resources[*index].role != Role::Input && holds[home(*index)] != *index;
+    if let Some(index) = shown.into_iter().find(lost) {
+        return Some(format!("{:?} is shown, and gone", program.resources[index].slot));
+    }
+    (0..program.resources.len()).find_map(|index| {
+        let resource = &program.resources[index];
+        let is_written = resource.shares.is_some() || holds[index] != index;
+        let lasts = holds[home(index)] == index;
+        (is_written && lasts != resource.lasts).then(|| format!("{:?} lasts: {lasts}", resource.slot))
+    })
+}
+
+#[test]
+fn planes_that_share_a_texture_are_never_needed_at_once() {
+    let (mut shared, mut tried, mut unseen) = (0, 0, 0);
+    every_program(|program, what| {
+        let found = program.clone().with_shared_planes();
+        assert_eq!(overwritten(&found), None, "{what}");
+        assert!(found.memory(1).transient <= program.memory(1).transient);
+        for (index, resource) in found.resources.iter().enumerate() {
+            let Some(home) = resource.shares else { continue };
+            shared += 1;
+            let other = &found.resources[home];
+            assert_eq!((resource.holds, other.shares), (other.holds, None), "{what}");
+            assert!(!resource.alternates && !other.alternates && other.role != Role::Guides, "{what}: {index}");
+        }
+        // What a pass reads in the texture that it writes is seen; and so is what is shown, with a later image in its texture.
+        let of_frame = |index: usize| {
+            let resource = &program.resources[index];
+            matches!(resource.role, Role::Transient | Role::Output) && resource.texel() == Some(Texel::Colour)
+        };
+        let of = |dispatch: &Dispatch, stored: bool| -> Vec<usize> {
+            let bound = dispatch.pass.bindings.iter().zip(&dispatch.bound);
+            bound
+                .filter(|(b, bound)| matches!(b.kind, BindingKind::Stored(_)) == stored && of_frame(bound.resource))
+                .map(|(_, bound)| bound.resource)
+                .collect()
+        };
+        let mut pairs = Vec::new();
+        for (k, dispatch) in program.dispatches.iter().enumerate() {
+            for written in of(dispatch, true) {
+                pairs.extend(of(dispatch, false).into_iter().map(|read| (read, written)));
+                let later = program.dispatches.iter().skip(k + 1).flat_map(|d| of(d, true));
+                if program.resources[written].role == Role::Output {
+                    pairs.extend(later.map(|later| (written, later)));
+                }
+            }
+        }
+        for (a, b) in pairs {
+            let mut planted = program.clone();
+            planted.resources[b].shares = Some(a);
+            tried += 1;
+            unseen += u32::from(overwritten(&planted).is_none());
+        }
+    });
+    println!("{shared} planes share; of {tried} planted pairs {unseen} went unseen");
+    assert!(shared > 1000 && tried > 1000 && unseen == 0);
+}
+
+#[test]
+fn what_sharing_saves() {
+    let (settings, usual) = (Settings::default(), Contents::USUAL);
+    let bytes = |program: &Program| {
+        let memory = program.memory(1);
+        [memory.persistent, memory.transient]
+    };
+    let plain = program(&settings, usual, Storage::Half, true);
+    let shared = plain.clone().with_shared_planes();
+    // Motion, and of colours four textures for seven: what stage 3 wrote stays, as the confidence lies in it; both
+    // signals and the sum are shown.
+    assert_eq!([bytes(&plain), bytes(&shared)], [[88, 8 + 7 * 8], [88, 8 + 4 * 8]]);
+    // One stage a pass.
+    let unfused = program(&settings, usual, Storage::Half, false);
+    println!("{:?} {:?}", bytes(&unfused), bytes(&unfused.clone().with_shared_planes()));
 }
 
 #[test]
