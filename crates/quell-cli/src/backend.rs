@@ -58,23 +58,7 @@ impl Choice {
         self.found().map_or(self.asked.name(), |chosen| chosen.backend.name())
     }
 
-    /// For commands whose filters have no twin on the GPU: refuses one that was asked for. `what` is what they run.
-    pub fn no_gpu(&self, what: &str) -> Result<(), Failure> {
-        if self.asked == BackendChoice::Gpu || self.device.is_some() {
-            return Err(Failure::Usage(format!(
-                "{what} on the CPU only: leave --backend gpu and --device away; demo, render, bench and denoise run on a \
-                 GPU"
-            )));
-        }
-        if self.asked == BackendChoice::Auto {
-            self.chosen.get_or_init(|| Chosen::cpu(&format!("auto: {what} on the CPU only")));
-        }
-        Ok(())
-    }
-}
-
-impl Choice {
-    /// For a filter whose bits must not depend on the machine unless a GPU was asked for.
+    /// For commands whose results must not depend on the machine unless a GPU was asked for.
     pub fn prefers_cpu(&self) {
         if self.asked == BackendChoice::Auto && self.device.is_none() {
             self.chosen.get_or_init(|| Chosen::cpu("auto: the same bits on every machine; --backend gpu takes a GPU"));
@@ -151,10 +135,8 @@ mod tests {
         }
         let named = Choice::new(None, name()).unwrap();
         let asked = Choice::new(Some(BackendChoice::Gpu), None).unwrap();
-        let plain = Choice::new(None, None).unwrap();
-        assert!(named.no_gpu("x runs").is_err() && asked.no_gpu("x runs").is_err() && plain.no_gpu("x runs").is_ok());
         // Nothing was opened for that.
-        assert_eq!((named.name(), asked.name(), plain.name()), ("auto", "gpu", "cpu"));
+        assert_eq!((named.name(), asked.name()), ("auto", "gpu"));
     }
 
     #[test]

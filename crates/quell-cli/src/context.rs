@@ -81,10 +81,7 @@ impl Context {
         }
         let plain = Common { preset: None, set: Vec::new(), settings: None, ..common.clone() };
         let context = Self::new(&plain)?;
-        context.choice.prefers_cpu();
-        if let Some(chosen) = context.choice.found() {
-            context.detail(&format!("back end: {} ({})", chosen.backend.name(), chosen.why));
-        }
+        context.prefers_cpu();
         Ok((context, settings))
     }
 
@@ -113,9 +110,12 @@ impl Context {
         Ok(&chosen.backend)
     }
 
-    /// Refuses a GPU that was asked for: `what` has no twin there.
-    pub fn no_gpu(&self, what: &str) -> Result<(), Failure> {
-        self.choice.no_gpu(what)
+    /// No GPU unless one is asked for.
+    pub fn prefers_cpu(&self) {
+        self.choice.prefers_cpu();
+        if let Some(chosen) = self.choice.found() {
+            self.detail(&format!("back end: {} ({})", chosen.backend.name(), chosen.why));
+        }
     }
 
     /// The same without messages.

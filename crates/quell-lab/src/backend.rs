@@ -18,6 +18,38 @@ pub enum Backend {
     Gpu(Arc<crate::gpu::Gpu>),
 }
 
+/// Memory on a device, in bytes.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct DeviceMemory {
+    /// What outlives a frame: history and the guides of the frame before.
+    pub persistent: u64,
+    /// What is needed within a frame, results included.
+    pub transient: u64,
+    /// Frames as they are uploaded.
+    pub uploaded: u64,
+}
+
+impl DeviceMemory {
+    /// For reports.
+    pub fn json(&self) -> serde_json::Value {
+        let Self { persistent, transient, uploaded } = self;
+        serde_json::json!({ "persistent": persistent, "transient": transient, "uploaded": uploaded })
+    }
+}
+
+impl std::fmt::Display for DeviceMemory {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let mib = |bytes: u64| bytes as f64 / 1_048_576.0;
+        let [persistent, transient, uploaded] = [self.persistent, self.transient, self.uploaded].map(mib);
+        let all = persistent + transient + uploaded;
+        write!(
+            f,
+            "{all:.1} MiB ({persistent:.1} outlive a frame, {transient:.1} are needed within one, {uploaded:.1} hold \
+             what is uploaded)"
+        )
+    }
+}
+
 impl Backend {
     /// As on the command line.
     pub const fn name(&self) -> &'static str {
@@ -147,6 +179,24 @@ impl Denoiser {
             Self::Cpu(..) => Vec::new(),
             #[cfg(feature = "gpu")]
             Self::Gpu(denoiser) => denoiser.shared_passes(),
+        }
+    }
+
+    /// Memory that it takes on a GPU, as of the last frame; `None`: it runs on the CPU.
+    pub fn device_memory(&self) -> Option<DeviceMemory> {
+        match self {
+            Self::Cpu(..) => None,
+            #[cfg(feature = "gpu")]
+            Self::Gpu(denoiser) => Some(denoiser.memory()),
+        }
+    }
+
+    /// What a user should know of how the last frame ran, in sentences.
+    pub fn notes(&self) -> Vec<String> {
+        match self {
+            Self::Cpu(..) => Vec::new(),
+            #[cfg(feature = "gpu")]
+            Self::Gpu(denoiser) => denoiser.notes(),
         }
     }
 

@@ -28,7 +28,7 @@ pub struct Validity {
 }
 
 /// What the frame before looked like, and what it left behind.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Ledger {
     last_index: Option<i64>,
     passes: [u64; 2],

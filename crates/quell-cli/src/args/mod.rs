@@ -68,7 +68,7 @@ pub struct Common {
     /// Threads to use [default: all]
     #[arg(long, global = true, value_name = "N", value_parser = values::at_least_one::<u16>)]
     pub threads: Option<u16>,
-    /// Implementation of the stages: auto (a GPU where there is one), cpu, gpu, reference [default: auto; denoise: cpu]
+    /// Implementation of the stages: auto (a GPU where there is one), cpu, gpu, reference [default: auto; compare, denoise and reproduce: cpu]
     #[arg(long, global = true, value_name = "NAME")]
     pub backend: Option<BackendChoice>,
     /// GPU to use, by part of its name; `quell --version -v` lists them. One in software (llvmpipe) only so

@@ -15,7 +15,7 @@ use crate::sequence::FIRST_FRAME;
 use crate::sequence::times::{StageClock, paper_number};
 use quell::pipeline::Stage;
 use quell::{FrameBuf, Size};
-use quell_lab::backend::Backend;
+use quell_lab::backend::{Backend, DeviceMemory};
 use quell_lab::report::document::Section;
 use quell_lab::report::table::Table;
 use quell_lab::report::{Machine, Spread, StageTime};
@@ -78,6 +78,12 @@ pub fn run(context: &Context, args: BenchArgs) -> Result<(), Failure> {
                 time(floor)
             ));
         }
+        if let Some(memory) = &measured.device_memory {
+            text.push_str(&format!("device memory: {memory}\n"));
+        }
+        for note in &measured.notes {
+            text.push_str(&format!("{note}\n"));
+        }
         if let Some(peak) = peak_memory() {
             text.push_str(&format!(
                 "peak memory of the process so far: {:.2} GiB\n",
@@ -103,6 +109,8 @@ pub fn run(context: &Context, args: BenchArgs) -> Result<(), Failure> {
             "bytes_per_pixel": measured.bytes.iter().map(|(stage, bytes)| (stage.name(), *bytes)).collect::<BTreeMap<_, _>>(),
             "prepare_bytes_per_pixel": border,
             "peak_memory_bytes": peak_memory(),
+            "device_memory_bytes": measured.device_memory.map(|memory| memory.json()),
+            "notes": measured.notes,
             "rays": rays.map(|r| json!({
                 "per_second": r.per_second, "per_pixel": r.per_pixel, "milliseconds": r.milliseconds,
             })),
@@ -156,6 +164,10 @@ struct Measured {
     bytes: Vec<(Stage, u32)>,
     /// Passes that run several stages.
     shared: Vec<&'static str>,
+    /// On a GPU.
+    device_memory: Option<DeviceMemory>,
+    /// What a reader should know of how frames ran.
+    notes: Vec<String>,
 }
 
 impl Measured {
@@ -218,7 +230,15 @@ fn measure(context: &Context, frame: &mut FrameBuf, args: &BenchArgs) -> Result<
     }
     let counted = |stage| denoiser.bytes_per_pixel(stage).map(|bytes| (stage, bytes));
     let bytes = Stage::ALL.into_iter().filter_map(counted).collect();
-    Ok(Measured { clock, frames, frame: Spread::of(walls), bytes, shared: denoiser.shared_passes() })
+    Ok(Measured {
+        clock,
+        frames,
+        frame: Spread::of(walls),
+        bytes,
+        shared: denoiser.shared_passes(),
+        device_memory: denoiser.device_memory(),
+        notes: denoiser.notes(),
+    })
 }
 
 /// Bytes a pixel that a GPU moves before the stages where guides come as a renderer's textures; here they come packed.

@@ -31,7 +31,8 @@ const FILE_CAMERA: usize = 1;
 const OFFLINE_FRAME: i64 = 24;
 
 pub fn run(context: &Context, args: ReproduceArgs) -> Result<(), Failure> {
-    context.no_gpu("reproduce runs quell")?;
+    context.prefers_cpu();
+    let backend = context.backend()?;
     output::check_folder(&args.output)?;
     let page = args.output.join("index.html");
     output::check_page(&page)?;
@@ -43,6 +44,7 @@ pub fn run(context: &Context, args: ReproduceArgs) -> Result<(), Failure> {
         folder: &args.output,
         cache: cache.as_ref(),
         program: &program,
+        backend,
         memory: &Counted,
         cancel: Some(interrupt::flag()),
         told: &told,

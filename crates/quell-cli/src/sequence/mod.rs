@@ -21,7 +21,7 @@ use crate::interrupt;
 use crate::progress::Progress;
 use files::Files;
 use quell::{Plane, Rgb, Size};
-use quell_lab::backend::Denoiser;
+use quell_lab::backend::{Denoiser, DeviceMemory};
 use quell_lab::report::{FrameStatus, Status};
 use quell_lab::tone::{Picture, Tone};
 use quell_trace::{Control, RayCounts, RenderOptions, Scene, Tracer};
@@ -65,6 +65,8 @@ struct Run {
     denoised: Vec<Option<Picture>>,
     reference: Vec<Option<Picture>>,
     scores: Scores,
+    /// On a GPU.
+    device_memory: Option<DeviceMemory>,
     notes: Vec<String>,
 }
 
@@ -258,6 +260,8 @@ impl Job {
             if self.references.has(number) {
                 shown = Some(output.composite.clone());
             }
+            run.device_memory = denoiser.device_memory();
+            denoiser.notes().into_iter().for_each(|note| run.note(note));
         }
 
         let told = |share: f32| progress.within(index, part + share * (1.0 - part), "reference");
@@ -345,6 +349,9 @@ impl Job {
         further.insert("trace_ms_per_frame".to_owned(), (run.trace_seconds * 1e3 / done).into());
         further.insert("denoise_ms_per_frame".to_owned(), (run.denoise_seconds * 1e3 / done).into());
         further.insert("rays_per_second".to_owned(), run.rays_per_second().into());
+        if let Some(memory) = &run.device_memory {
+            further.insert("device_memory_bytes".to_owned(), memory.json());
+        }
         further.insert("notes".to_owned(), run.notes.clone().into());
         further
     }
@@ -361,6 +368,9 @@ impl Job {
             text.push_str(&format!("{}\n", stage_table(&report.stages)));
         }
         if context.verbose {
+            if let Some(memory) = &run.device_memory {
+                text.push_str(&format!("device memory: {memory}\n"));
+            }
             for note in &run.notes {
                 text.push_str(&format!("{note}\n"));
             }
@@ -393,6 +403,7 @@ impl Run {
             denoised: empty(),
             reference: empty(),
             scores: Scores::new(job, context),
+            device_memory: None,
             notes: Vec::new(),
         }
     }

@@ -3,9 +3,10 @@
 
 use super::memory::{Memory, Meter};
 use super::sequence::{START_FRAMES, Sequence};
+use crate::backend::Backend;
 use crate::error::Error;
 use crate::methods::external::{Competitor, numbered_files, run_command};
-use crate::methods::{Method, parse};
+use crate::methods::{Method, parse_on};
 use crate::report::Spread;
 use quell::{Frame, Plane, Rgb};
 use quell_frames::{Content, FrameToWrite, Metadata, Precision, WriteOptions, frame_path, read_picture, write_frame};
@@ -28,6 +29,8 @@ pub struct Runner<'a> {
     pub folder: &'a Path,
     /// Stands for the program's version: pictures of another one are made anew.
     pub program: &'a str,
+    /// What quell's own methods run on; those of others run on the CPU.
+    pub backend: &'a Backend,
     /// Measures memory.
     pub memory: &'a dyn Memory,
     /// Work ends soon after this turns true.
@@ -45,6 +48,8 @@ pub struct Finished {
     pub peak_bytes: Option<u64>,
     /// What a reader must know.
     pub notes: Vec<String>,
+    /// The back end that it ran on, where that is not this processor.
+    pub backend: Option<String>,
     /// An earlier run made it.
     pub resumed: bool,
     files: Vec<PathBuf>,
@@ -58,6 +63,8 @@ struct Done {
     nanoseconds: Vec<u64>,
     peak_bytes: Option<u64>,
     notes: Vec<String>,
+    #[serde(default)]
+    backend: Option<String>,
 }
 
 impl Finished {
@@ -82,11 +89,14 @@ impl Runner<'_> {
         match what {
             Competitor::Frames { name, folder } => finished_frames(sequence, name, folder, None),
             Competitor::Method { name } => {
-                let key = self.key(sequence, name);
+                // Elsewhere quell's own methods give other bits and times.
+                let here = matches!(self.backend, Backend::Cpu(quell::Backend::Cpu)) || !name.starts_with("quell:");
+                let on = || format!("{name} on {} {}", self.backend.name(), self.backend.adapter().unwrap_or_default());
+                let key = self.key(sequence, &if here { name.clone() } else { on() });
                 if let Some(found) = self.kept(sequence, name, &folder, &key) {
                     return Ok(found);
                 }
-                let mut method = parse(name)?;
+                let mut method = parse_on(name, self.backend)?;
                 self.measured(sequence, method.as_mut(), &folder, key, told)
             }
             Competitor::Command { name, command } => {
@@ -117,6 +127,7 @@ impl Runner<'_> {
             milliseconds: steady(&done.nanoseconds),
             peak_bytes: done.peak_bytes,
             notes: done.notes,
+            backend: done.backend,
             resumed: true,
             files,
         })
@@ -169,13 +180,17 @@ impl Runner<'_> {
         if clamped > 0 {
             notes.push(format!("{name}: {clamped} values were beyond 65504 and count as that."));
         }
-        let done = Done { key, nanoseconds, peak_bytes: meter.peak(), notes };
+        let ran_on = method.ran_on();
+        let backend = ran_on.as_ref().map(|(backend, _)| (*backend).to_owned());
+        notes.extend(ran_on.map(|(_, note)| note));
+        let done = Done { key, nanoseconds, peak_bytes: meter.peak(), notes, backend };
         write_done(folder, &done)?;
         Ok(Finished {
             name,
             milliseconds: steady(&done.nanoseconds),
             peak_bytes: done.peak_bytes,
             notes: done.notes,
+            backend: done.backend,
             resumed: false,
             files,
         })
@@ -200,7 +215,7 @@ impl Runner<'_> {
             "{name}: a command; its time is wall time over frames, starting, reading and writing included, and its \
              memory is not known."
         )];
-        let done = Done { key, nanoseconds: vec![each], peak_bytes: None, notes };
+        let done = Done { key, nanoseconds: vec![each], peak_bytes: None, notes, backend: None };
         let finished = finished_frames(sequence, name, &out, Some(done.clone()))?;
         write_done(folder, &done)?;
         Ok(finished)
@@ -256,7 +271,7 @@ fn finished_frames(sequence: &Sequence, name: &str, folder: &Path, done: Option<
             (None, vec![format!("{name}: finished frames in {}; time and memory are not known.", folder.display())])
         }
     };
-    Ok(Finished { name: name.to_owned(), milliseconds, peak_bytes: None, notes, resumed: false, files })
+    Ok(Finished { name: name.to_owned(), milliseconds, peak_bytes: None, notes, backend: None, resumed: false, files })
 }
 
 /// Times of the steady state; of all frames but the first where none is steady.

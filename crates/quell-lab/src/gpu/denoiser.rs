@@ -2,82 +2,52 @@
 
 use super::device::Gpu;
 use super::error::Error;
-use quell::frame::Signal;
-use quell::gpu::{
-    Options, PackedFrame, PackedGuides, PackedSignal, Texel, unpack_colours, unpack_fourth, unpack_numbers, wgpu,
-};
+use super::part::{Part, Shown, Told};
+use super::tiles::Layout;
+use crate::backend::DeviceMemory;
+use quell::denoiser::MAX_EXTENT;
+use quell::gpu::{Area, Options, PackedFrame};
 use quell::pipeline::Stage;
 use quell::report::StageTimes;
-use quell::{Camera, Frame, Output, OutputBuf, Plane, Report, Settings, Size};
-use std::collections::HashMap;
+use quell::{Frame, Output, OutputBuf, Report, Settings, Size};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-/// How a frame's colours come onto the device.
-const COLOUR: wgpu::TextureFormat = wgpu::TextureFormat::Rgba32Float;
-
-/// [`quell::Denoiser`]'s twin on a device of this program.
+/// [`quell::Denoiser`]'s twin on a device of this program. Frames larger than the device's textures are filtered in tiles.
 #[derive(Debug)]
 pub struct Denoiser {
     gpu: Arc<Gpu>,
-    guest: quell::gpu::Denoiser,
-    size: Size,
-    planes: HashMap<Name, wgpu::TextureView>,
-    uploaded: Option<Uploaded>,
+    layout: Layout,
+    /// Which tile takes what from which after each frame.
+    exchanges: Vec<(usize, usize, Area)>,
+    parts: Vec<Part>,
+    told: Option<Told>,
+    /// Of the frame that was uploaded last.
+    beyond: u64,
     output: Option<OutputBuf>,
 }
 
 /// A frame that has run.
 #[derive(Clone, Debug)]
 pub struct Ran {
-    /// Where it lies.
-    pub output: quell::gpu::Output,
+    /// Where it lies: of each tile, margins included.
+    pub outputs: Vec<quell::gpu::Output>,
     /// From encoding to the end.
     pub wall: Duration,
     /// Of its stages, where the adapter has timestamps.
     pub times: StageTimes,
 }
 
-/// A plane that is uploaded.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-enum Name {
-    Plane(&'static str),
-    /// The joint pass of this number.
-    Joint(usize),
+/// How a frame is cut into tiles.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Tiling {
+    /// Tiles.
+    pub tiles: usize,
+    /// Pixels of overlap around each tile's own.
+    pub margin: usize,
+    /// Pixels of the last frame that moved farther than that, and so begin afresh.
+    pub beyond: u64,
 }
-
-impl std::fmt::Display for Name {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        match self {
-            Self::Plane(name) => f.write_str(name),
-            Self::Joint(index) => write!(f, "joint pass {index}"),
-        }
-    }
-}
-
-/// What of a frame is not in a texture.
-#[derive(Clone, Debug)]
-struct Uploaded {
-    camera: Camera,
-    previous_camera: Camera,
-    index: i64,
-    has_roughness: bool,
-    has_glossy_hit: bool,
-    signals: [Option<Terms>; 2],
-    /// Name and signal of each joint pass.
-    joint: Vec<(String, Signal)>,
-    sanitised: quell::border::Sanitised,
-}
-
-/// What of a signal is there besides its light.
-#[derive(Clone, Copy, Debug)]
-struct Terms {
-    weight: bool,
-    direct: bool,
-}
-
-/// Names of a signal's planes: light, weight, noisy direct light.
-const NAMES: [[&str; 3]; 2] = [["matte", "matte_weight", "direct_matte"], ["glossy", "glossy_weight", "direct_glossy"]];
 
 impl Denoiser {
     /// A denoiser for frames of `size`.
@@ -85,17 +55,54 @@ impl Denoiser {
     /// # Errors
     /// A size or a setting that the denoiser refuses; the device's memory.
     pub fn new(gpu: Arc<Gpu>, size: Size, settings: &Settings) -> Result<Self, Error> {
+        let most = gpu.device().limits().max_texture_dimension_2d;
+        Self::with_limit(gpu, size, settings, most as usize)
+    }
+
+    /// Likewise with textures of at most `most` pixels a side: larger frames are cut into tiles.
+    ///
+    /// # Errors
+    /// As [`Denoiser::new`]; a limit that leaves nothing between the margins of a tile.
+    pub fn with_limit(gpu: Arc<Gpu>, size: Size, settings: &Settings, most: usize) -> Result<Self, Error> {
+        settings.check().map_err(quell::gpu::Error::Denoiser)?;
+        if size.width > MAX_EXTENT || size.height > MAX_EXTENT {
+            return Err(quell::gpu::Error::Denoiser(quell::Error::SizeTooLarge { size, limit: MAX_EXTENT }).into());
+        }
+        let layout = Layout::new(size, settings, most).ok_or(quell::gpu::Error::Size {
+            pass: "denoiser",
+            size,
+            limit: "max_texture_dimension_2d, tiles with their margins included",
+        })?;
+        Self::with_layout(gpu, layout, settings, None)
+    }
+
+    /// `compiled`: one with the same settings, whose passes are taken over.
+    fn with_layout(
+        gpu: Arc<Gpu>,
+        layout: Layout,
+        settings: &Settings,
+        compiled: Option<&quell::gpu::Denoiser>,
+    ) -> Result<Self, Error> {
+        let size = layout.whole;
         let mut options = Options::new(settings);
         options.composite = true;
         options.timings = true;
-        let guest = quell::gpu::Denoiser::new(gpu.device(), size, &options)?;
-        gpu.check(&format!("the planes of {size}"))?;
-        Ok(Self { gpu, guest, size, planes: HashMap::new(), uploaded: None, output: None })
+        let mut parts: Vec<Part> = Vec::with_capacity(layout.pieces.len());
+        for &piece in &layout.pieces {
+            let guest = match parts.first().map(|part| &part.guest).or(compiled) {
+                None => quell::gpu::Denoiser::new(gpu.device(), piece.size(), &options)?,
+                Some(compiled) => compiled.another(gpu.device(), piece.size())?,
+            };
+            parts.push(Part::new(guest, piece, size));
+            // A device that has no memory left must not be asked for more.
+            gpu.check(&format!("the planes of {size}"))?;
+        }
+        Ok(Self { gpu, exchanges: layout.exchanges(), layout, parts, told: None, beyond: 0, output: None })
     }
 
     /// Forgets history: the next frame starts afresh.
     pub fn reset(&mut self) {
-        self.guest.reset();
+        self.parts.iter_mut().for_each(|part| part.guest.reset());
     }
 
     /// Filters the next frame: uploads it, runs it, reads it back.
@@ -108,7 +115,7 @@ impl Denoiser {
         let uploading = begin.elapsed();
         let ran = self.run()?;
         let begin = Instant::now();
-        let mut read = self.read(&ran.output)?;
+        let mut read = self.read(&ran.outputs)?;
         read.report.times = ran.times;
         read.report.times.border = uploading + begin.elapsed();
         Ok(self.output.insert(read).output())
@@ -119,41 +126,15 @@ impl Denoiser {
     /// # Errors
     /// What [`quell::Frame::check`] finds; what the device reports.
     pub fn upload(&mut self, frame: &Frame<'_>) -> Result<(), Error> {
-        frame.check(self.size).map_err(quell::gpu::Error::Denoiser)?;
-        let packed = PackedFrame::new(frame, self.guest.storage()).map_err(quell::gpu::Error::Denoiser)?;
-        let storage = self.guest.storage();
-        for (name, texel, texels) in [
-            ("geometry", Texel::Geometry, &packed.guides.geometry),
-            ("surface", Texel::Surface, &packed.guides.surface),
-            ("moving", Texel::Moving, &packed.guides.moving),
-        ] {
-            self.write(Name::Plane(name), texel.format(storage), texels);
+        let whole = self.layout.whole;
+        frame.check(whole).map_err(quell::gpu::Error::Denoiser)?;
+        let Some(storage) = self.parts.first().map(|part| part.guest.storage()) else { return Err(Error::NoFrame) };
+        let packed = PackedFrame::new(frame, storage).map_err(quell::gpu::Error::Denoiser)?;
+        for part in &mut self.parts {
+            part.upload(&self.gpu, &packed, whole, storage);
         }
-        self.write(Name::Plane("direct"), COLOUR, &packed.direct);
-        for (signal, names) in [&packed.matte, &packed.glossy].into_iter().zip(NAMES) {
-            let Some(PackedSignal { light, weight, direct }) = signal else { continue };
-            for (bytes, name) in [Some(light), weight.as_ref(), direct.as_ref()].into_iter().zip(names) {
-                if let Some(bytes) = bytes {
-                    self.write(Name::Plane(name), COLOUR, bytes);
-                }
-            }
-        }
-        for (index, light) in packed.joint.iter().enumerate() {
-            self.write(Name::Joint(index), COLOUR, light);
-        }
-        let terms = |signal: &Option<PackedSignal>| {
-            signal.as_ref().map(|s| Terms { weight: s.weight.is_some(), direct: s.direct.is_some() })
-        };
-        self.uploaded = Some(Uploaded {
-            camera: frame.camera,
-            previous_camera: frame.previous_camera,
-            index: frame.index,
-            has_roughness: packed.has_roughness,
-            has_glossy_hit: packed.has_glossy_hit,
-            signals: [terms(&packed.matte), terms(&packed.glossy)],
-            joint: frame.passes.iter().map(|pass| (pass.name.to_owned(), pass.signal)).collect(),
-            sanitised: packed.sanitised,
-        });
+        self.told = Some(Told::new(frame, &packed));
+        self.beyond = frame.motion.map_or(0, |motion| self.layout.beyond(motion));
         // Without this the copies would run, and be timed, with the frame.
         self.gpu.queue().submit([]);
         self.gpu.wait("uploading a frame")
@@ -164,119 +145,199 @@ impl Denoiser {
     /// # Errors
     /// Nothing was uploaded; what the device reports.
     pub fn run(&mut self) -> Result<Ran, Error> {
-        let Some(uploaded) = &self.uploaded else {
-            return Err(Error::NoFrame);
-        };
-        let plane = |name| self.planes.get(&Name::Plane(name));
-        let (Some(geometry), Some(surface), Some(moving), Some(direct)) =
-            (plane("geometry"), plane("surface"), plane("moving"), plane("direct"))
-        else {
-            return Err(Error::NoFrame);
-        };
-        let signal = |k: usize| {
-            let (terms, names) = (uploaded.signals[k]?, NAMES[k]);
-            Some(quell::gpu::Signal {
-                light: plane(names[0])?,
-                weight: plane(names[1]).filter(|_| terms.weight),
-                direct: plane(names[2]).filter(|_| terms.direct),
-            })
-        };
-        let joint = uploaded.joint.iter().enumerate().filter_map(|(index, (name, signal))| {
-            let light = self.planes.get(&Name::Joint(index))?;
-            Some(quell::gpu::JointPlane { name, signal: *signal, light })
-        });
-        let joint: Vec<_> = joint.collect();
-        let Uploaded { camera, previous_camera, index, has_roughness, has_glossy_hit, .. } = *uploaded;
-        let guides = PackedGuides { geometry, surface, moving, has_roughness, has_glossy_hit };
-        let frame = quell::gpu::Frame {
-            direct: Some(direct),
-            matte: signal(0),
-            glossy: signal(1),
-            joint: &joint,
-            ..quell::gpu::Frame::new(self.size, camera, previous_camera, index, guides)
-        };
+        let Some(told) = &self.told else { return Err(Error::NoFrame) };
         let begin = Instant::now();
         let mut encoder = self.gpu.encoder("quell host");
-        let output = self.guest.encode(self.gpu.device(), &mut encoder, &frame)?;
-        self.guest.resolve_timings(self.gpu.device(), &mut encoder);
+        let encode = |part: &mut Part| part.encode(&self.gpu, &mut encoder, told);
+        let outputs: Vec<_> = self.parts.iter_mut().map(encode).collect::<Result<_, _>>()?;
+        for &(to, from, area) in &self.exchanges {
+            if let (Some(to), Some(from)) = (self.parts.get(to), self.parts.get(from)) {
+                to.guest.take_margin(&mut encoder, &from.guest, area)?;
+            }
+        }
         self.gpu.run(encoder, "a frame")?;
         let wall = begin.elapsed();
         let mut times = StageTimes::default();
-        for timing in self.guest.take_timings(self.gpu.queue()).unwrap_or_default() {
+        let timings = self.parts.iter_mut().flat_map(|part| part.guest.take_timings(self.gpu.queue()));
+        for timing in timings.flatten() {
             // Of stages that share a pass the first has the time of all.
             if let Some(&stage) = timing.stages.first() {
                 let so_far = times.get(stage).unwrap_or_default();
                 times.set(stage, so_far + Duration::from_secs_f64(timing.milliseconds.max(0.0) * 1e-3));
             }
         }
-        Ok(Ran { output, wall, times })
+        Ok(Ran { outputs, wall, times })
+    }
+
+    /// How frames are cut into tiles; `None`: they fit the device's textures.
+    pub fn tiling(&self) -> Option<Tiling> {
+        let tiles = self.parts.len();
+        (tiles > 1).then_some(Tiling { tiles, margin: self.layout.margin, beyond: self.beyond })
+    }
+
+    /// What a user should know of how frames run, in sentences.
+    pub fn notes(&self) -> Vec<String> {
+        let Some(Tiling { tiles, margin, beyond }) = self.tiling() else { return Vec::new() };
+        let mut notes = vec![format!(
+            "frames of {} are larger than the device's textures: {tiles} tiles, whose margins of {margin} pixels overlap",
+            self.layout.whole
+        )];
+        if beyond > 0 {
+            notes.push("pixels near the edges of tiles moved farther than their margins: they began afresh".to_owned());
+        }
+        notes
+    }
+
+    /// Memory of the textures that the last frame needed, on the device.
+    pub fn memory(&self) -> DeviceMemory {
+        let mut all = DeviceMemory::default();
+        for part in &self.parts {
+            let own = part.guest.memory();
+            all.persistent += own.persistent;
+            all.transient += own.transient;
+            all.uploaded += part.uploaded_bytes();
+        }
+        all
     }
 
     /// Names of the passes that ran several stages of the last frame.
     pub fn shared_passes(&self) -> Vec<&'static str> {
-        let passes = self.guest.program().dispatches.iter().map(|d| d.pass);
+        let passes = self.parts.iter().take(1).flat_map(|part| &part.guest.program().dispatches).map(|d| d.pass);
         passes.filter(|pass| pass.stages.len() > 1).map(|pass| pass.name).collect()
     }
 
-    /// Bytes a pixel that a stage moves, as the last frame ran.
+    /// Bytes that a stage moves for each pixel of the picture, as the last frame ran; where tiles overlap, they count twice.
     pub fn bytes_per_pixel(&self, stage: Stage) -> Option<u32> {
-        self.guest.program().bytes_per_pixel(stage)
+        let once = self.parts.first()?.guest.program().bytes_per_pixel(stage)?;
+        Some((f64::from(once) * self.layout.overlap()).round() as u32)
     }
 
-    fn read(&self, encoded: &quell::gpu::Output) -> Result<OutputBuf, Error> {
-        let what = "reading a frame back";
-        // Direct light is always given, and the sum asked for.
-        let named = [&encoded.composite, &encoded.direct, &encoded.matte, &encoded.glossy].map(Option::as_ref);
-        let state = encoded.confidence.iter().chain(&encoded.history_length);
-        let textures: Vec<&wgpu::Texture> =
-            named.into_iter().flatten().chain(state).chain(&encoded.joint).map(|v| v.texture()).collect();
-        let contents = self.gpu.read_textures(&textures, what)?;
-        let mut contents = textures.iter().map(|t| t.format()).zip(contents);
-        let short = || Error::Refused {
-            adapter: self.gpu.adapter().name.clone(),
-            what: what.to_owned(),
-            reason: "a texture holds no whole plane".to_owned(),
-        };
-        let mut colour =
-            || contents.next().and_then(|(f, texels)| unpack_colours(&texels, self.size, f)).ok_or_else(short);
-        let (composite, direct) = (colour()?, colour()?);
-        let matte = encoded.matte.as_ref().map(|_| colour()).transpose()?;
-        let glossy = encoded.glossy.as_ref().map(|_| colour()).transpose()?;
-        let confidence = match contents.next() {
-            Some((format, texels)) => unpack_fourth(&texels, self.size, format).ok_or_else(short)?,
-            None => Plane::filled(self.size, 0.0),
-        };
-        let history_length = match contents.next() {
-            Some((_, texels)) => unpack_numbers(&texels, self.size).ok_or_else(short)?,
-            None => Plane::filled(self.size, 1.0),
-        };
-        // After the signal its passes.
-        let (mut matte, mut glossy): (Vec<_>, Vec<_>) = (matte.into_iter().collect(), glossy.into_iter().collect());
-        for (_, signal) in self.uploaded.iter().flat_map(|uploaded| &uploaded.joint) {
-            let Some((format, texels)) = contents.next() else { break };
-            let light = unpack_colours(&texels, self.size, format).ok_or_else(short)?;
-            match signal {
-                Signal::Matte => matte.push(light),
-                Signal::Glossy => glossy.push(light),
+    fn read(&self, encoded: &[quell::gpu::Output]) -> Result<OutputBuf, Error> {
+        let Some(told) = &self.told else { return Err(Error::NoFrame) };
+        let mut whole: Option<Shown> = None;
+        for (part, encoded) in self.parts.iter().zip(encoded) {
+            let shown = part.read(&self.gpu, encoded, told)?;
+            if self.parts.len() == 1 {
+                whole = Some(shown);
+            } else {
+                let picture = whole.get_or_insert_with(|| Shown::empty(self.layout.whole, &shown));
+                picture.paste(&shown, &part.piece);
             }
         }
+        let Some(Shown { composite, direct, signals: [matte, glossy], confidence, history_length }) = whole else {
+            return Err(Error::NoFrame);
+        };
         let report = Report {
-            sanitised: self.uploaded.as_ref().map(|u| u.sanitised).unwrap_or_default(),
+            sanitised: told.sanitised,
             reset_pixels: confidence.data().iter().filter(|c| **c == 0.0).count() as u64,
-            had_history: encoded.had_history,
+            had_history: encoded.iter().any(|output| output.had_history),
             times: StageTimes::default(),
         };
         Ok(OutputBuf { composite, direct, matte, glossy, confidence, history_length, report })
     }
+}
 
-    /// Fills the texture of a plane; it is made where there is none.
-    fn write(&mut self, name: Name, format: wgpu::TextureFormat, texels: &[u8]) {
-        match self.planes.get(&name) {
-            Some(view) => self.gpu.write_texture(view.texture(), texels),
-            None => {
-                let view = self.gpu.texture(&format!("quell host {name}"), self.size, format, texels);
-                self.planes.insert(name, view);
+#[cfg(test)]
+mod tests {
+    use super::super::{Wanted, tiles::Layout};
+    use super::*;
+    use glam::Vec3;
+    use quell::{FrameBuf, PassBuf, Plane, Rgb, Signal};
+    use quell_trace::scene::CameraPath;
+    use quell_trace::{Control, RenderOptions, Tracer, builtin};
+
+    fn gpu() -> Option<Arc<Gpu>> {
+        match Gpu::open(Wanted::Named("")) {
+            Ok(gpu) => Some(Arc::new(gpu)),
+            Err(why) => {
+                let required = std::env::var_os("QUELL_REQUIRE_GPU").is_some_and(|v| v == "1");
+                assert!(!required, "QUELL_REQUIRE_GPU is set, but {why}");
+                println!("SKIPPED: {why}");
+                None
             }
         }
+    }
+
+    /// A camera that moves some pixels a frame, jitter, and a joint pass of either signal.
+    fn frames(size: Size, count: i64) -> Vec<FrameBuf> {
+        let mut scene = builtin("glossy-room").unwrap();
+        let place = |f: f64| (Vec3::new(0.06 * f as f32, 1.2, 2.3), Vec3::new(0.0, 0.7 + 0.04 * f as f32, -1.0));
+        scene.cameras = vec![CameraPath::moving(48.0, place)];
+        let options = RenderOptions { jitter: true, direct_samples: 1, ..RenderOptions::new(size) };
+        let pass = |name: &str, signal, light: &Option<Plane<Rgb>>| {
+            let halved = light.as_ref().unwrap().data().iter().map(|c| c.map(|v| 0.5 * v)).collect();
+            PassBuf { name: name.to_owned(), signal, plane: Plane::from_vec(size, halved).unwrap() }
+        };
+        let of = |n| {
+            let mut frame = Tracer::new(&scene, n, 1).unwrap().render(&options, &Control::default()).unwrap().frame;
+            frame.passes = vec![pass("sun", Signal::Matte, &frame.matte), pass("lamp", Signal::Glossy, &frame.glossy)];
+            frame
+        };
+        (0..count).map(of).collect()
+    }
+
+    /// Every value of every plane of every frame, and what was said of it.
+    fn bits(denoiser: &mut Denoiser, frames: &[FrameBuf]) -> Vec<(Vec<u32>, u64, bool)> {
+        let one = |frame: &FrameBuf| {
+            let passes = frame.pass_views();
+            let output = denoiser.denoise(&frame.frame(&passes)).unwrap();
+            let signals = output.matte.into_iter().chain(output.glossy);
+            let passes = Signal::ALL.into_iter().flat_map(|signal| output.passes(signal));
+            let colours = [output.composite, output.direct].into_iter().chain(signals).chain(passes);
+            let state = [output.confidence, output.history_length].into_iter().flat_map(|p| p.data());
+            let values = colours.flat_map(|p| p.data()).flatten().chain(state).map(|v| v.to_bits());
+            (values.collect(), output.report.reset_pixels, output.report.had_history)
+        };
+        frames.iter().map(one).collect()
+    }
+
+    #[test]
+    fn tiles_give_the_bits_of_the_whole_picture() {
+        let Some(gpu) = gpu() else { return };
+        let settings = Settings::default();
+        let size = Size::new(80, 80);
+        let frames = frames(size, 6);
+        let mut whole = Denoiser::new(gpu.clone(), size, &settings).unwrap();
+        let expected = bits(&mut whole, &frames);
+        let agrees = |tiled: &mut Denoiser, count: usize| {
+            let found = bits(tiled, &frames[..count]);
+            for (index, (a, b)) in expected.iter().zip(&found).enumerate() {
+                let off = a.0.iter().zip(&b.0).filter(|(a, b)| a != b).count();
+                assert!(a == b, "frame {index}: {off} of {} values differ", a.0.len());
+                assert!(index == 0 || a.2, "frame {index} has no history");
+            }
+            println!("{:?}: {} values alike", tiled.tiling(), found.len() * found[0].0.len());
+        };
+        let mut usual = Denoiser::with_limit(gpu.clone(), size, &settings, 79).unwrap();
+        agrees(&mut usual, 3);
+        // What it costs: overlapping tiles take more, and hold more.
+        let bytes = |denoiser: &Denoiser| denoiser.bytes_per_pixel(Stage::GlossyHorizontal).unwrap();
+        assert!(bytes(&usual) > bytes(&whole) && usual.memory().persistent > whole.memory().persistent);
+        assert_eq!((whole.tiling(), usual.tiling().unwrap().beyond), (None, 0));
+        // A cut is one for every tile.
+        usual.reset();
+        assert!(!bits(&mut usual, &frames[5..])[0].2);
+
+        // Four tiles whose margins just suffice for this motion: what is wrong in them is in the cores after three frames.
+        let tight = |margin: usize| {
+            let layout = Layout::with_margin(size, margin, 79).unwrap();
+            Denoiser::with_layout(gpu.clone(), layout, &settings, Some(&whole.parts[0].guest)).unwrap()
+        };
+        let margin = 12;
+        agrees(&mut tight(margin), frames.len());
+        // Differences that must be seen: margins that nobody refreshes, those of one tile, and too narrow ones.
+        let seen = |mut planted: Denoiser, what: &str| {
+            assert!(bits(&mut planted, &frames) != expected, "{what} went unseen");
+        };
+        seen(Denoiser { exchanges: Vec::new(), ..tight(margin) }, "margins that are not refreshed");
+        // Which of them shows it depends on where the camera goes.
+        let without = |tile: usize| {
+            let mut one = tight(margin);
+            one.exchanges.retain(|(to, ..)| *to != tile);
+            bits(&mut one, &frames) != expected
+        };
+        assert!((0..4).any(without), "one tile's margin that is not refreshed went unseen");
+        seen(tight(3), "a margin of 3 pixels");
+        gpu.check("the tests").unwrap();
     }
 }

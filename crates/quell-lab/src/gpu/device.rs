@@ -181,10 +181,16 @@ impl Gpu {
         format: wgpu::TextureFormat,
         texels: &[u8],
     ) -> wgpu::TextureView {
-        let extent = extent_of(size);
+        let view = self.empty_texture(label, size, format);
+        self.write_texture(view.texture(), texels, [0; 2], size);
+        view
+    }
+
+    /// A texture of one plane, for [`Gpu::write_texture`].
+    pub fn empty_texture(&self, label: &str, size: quell::Size, format: wgpu::TextureFormat) -> wgpu::TextureView {
         let texture = self.device.create_texture(&wgpu::TextureDescriptor {
             label: Some(label),
-            size: extent,
+            size: extent_of(size),
             mip_level_count: 1,
             sample_count: 1,
             dimension: wgpu::TextureDimension::D2,
@@ -192,14 +198,17 @@ impl Gpu {
             usage: wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::COPY_SRC | wgpu::TextureUsages::COPY_DST,
             view_formats: &[],
         });
-        self.write_texture(&texture, texels);
         texture.create_view(&wgpu::TextureViewDescriptor { label: Some(label), ..Default::default() })
     }
 
-    /// Fills a texture.
-    pub fn write_texture(&self, texture: &wgpu::Texture, texels: &[u8]) {
-        let row = texture.format().block_copy_size(None).unwrap_or(0) * texture.width();
-        let layout = wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(row), rows_per_image: None };
+    /// Fills a texture with part of a picture of extent `whole`, whose texels lie row by row without padding: from
+    /// `origin` on, which lies in the picture with all of the texture.
+    pub fn write_texture(&self, texture: &wgpu::Texture, texels: &[u8], origin: [usize; 2], whole: quell::Size) {
+        let texel = texture.format().block_copy_size(None).unwrap_or(0);
+        let [x, y] = origin;
+        let offset = (y * whole.width + x) as u64 * u64::from(texel);
+        let row = Some(texel * extent_of(whole).width);
+        let layout = wgpu::TexelCopyBufferLayout { offset, bytes_per_row: row, rows_per_image: None };
         self.queue.write_texture(texture.as_image_copy(), texels, layout, texture.size());
     }
 

@@ -33,6 +33,7 @@ pub mod temporal;
 mod wavelet;
 pub mod wlr;
 
+use crate::backend::Backend;
 use crate::error::Error;
 use ::quell::{Frame, Plane, PlaneRef, Rgb};
 use quell_trace::HalfSignals;
@@ -89,6 +90,11 @@ pub trait Method: Send {
     /// Forgets all earlier frames.
     fn reset(&mut self) {}
 
+    /// The back end that it ran on, where that is not this processor, and what a reader must know of its figures.
+    fn ran_on(&self) -> Option<(&'static str, String)> {
+        None
+    }
+
     /// The clean picture of the next frame, scene-linear. Frames come in order; one whose number does not follow is
     /// a cut.
     ///
@@ -130,6 +136,17 @@ pub fn parse(name: &str) -> Result<Box<dyn Method>, Error> {
         name: name.to_owned(),
         nearest: ::quell::settings::nearest(name, NAMES.iter().copied()),
     })
+}
+
+/// Likewise; quell's own run on this back end.
+///
+/// # Errors
+/// As [`parse`].
+pub fn parse_on(name: &str, backend: &Backend) -> Result<Box<dyn Method>, Error> {
+    match name.strip_prefix("quell:") {
+        Some(variant) => Ok(Box::new(self::quell::Quell::parse(variant)?.on(backend))),
+        None => parse(name),
+    }
 }
 
 /// Names that [`parse`] knows.

@@ -3,8 +3,9 @@
 //! `quell:paper+no-virtual`, `quell:paper+glossy_temporal.alpha=0.8`.
 
 use super::{Input, Method};
+use crate::backend::{Backend, Denoiser};
 use crate::error::Error;
-use quell::{Denoiser, Plane, Preset, Rgb, Settings};
+use quell::{Plane, Preset, Rgb, Settings};
 
 /// The talk's ablations: name in a method, title, what is switched off.
 pub const ABLATIONS: &[Ablation] = &[
@@ -48,10 +49,11 @@ pub struct Ablation {
     pub apply: fn(Settings) -> Settings,
 }
 
-/// quell on the fast back end.
+/// quell, on the fast back end of the CPU unless told otherwise.
 pub struct Quell {
     variant: String,
     settings: Settings,
+    backend: Backend,
     denoiser: Option<Denoiser>,
 }
 
@@ -80,7 +82,14 @@ impl Quell {
                 return Err(unknown(part, &mut ABLATIONS.iter().map(|a| a.name)));
             }
         }
-        Ok(Self { variant: variant.to_owned(), settings, denoiser: None })
+        let backend = Backend::Cpu(quell::Backend::Cpu);
+        Ok(Self { variant: variant.to_owned(), settings, backend, denoiser: None })
+    }
+
+    /// The same on another back end.
+    #[must_use]
+    pub fn on(self, backend: &Backend) -> Self {
+        Self { backend: backend.clone(), denoiser: None, ..self }
     }
 }
 
@@ -95,10 +104,23 @@ impl Method for Quell {
         }
     }
 
+    fn ran_on(&self) -> Option<(&'static str, String)> {
+        let adapter = self.backend.adapter()?;
+        let mut note = format!(
+            "quell:{} ran on {adapter}, in half precision: its time is wall time of bringing a frame onto the device, \
+             filtering it and reading it back",
+            self.variant
+        );
+        if let Some(memory) = self.denoiser.as_ref().and_then(Denoiser::device_memory) {
+            note.push_str(&format!("; its memory is this process's, without {memory} on the device"));
+        }
+        Some((self.backend.name(), note + "."))
+    }
+
     fn denoise(&mut self, input: &Input<'_>) -> Result<Plane<Rgb>, Error> {
         let denoiser = match &mut self.denoiser {
             Some(denoiser) => denoiser,
-            none => none.insert(Denoiser::new(input.frame.size, &self.settings)?),
+            none => none.insert(self.backend.denoiser(input.frame.size, &self.settings)?),
         };
         Ok(denoiser.denoise(input.frame)?.composite.clone())
     }

@@ -28,6 +28,9 @@ pub struct ComparedMethod {
     pub time_ratio: Option<f64>,
     /// The most memory at once, without its input, bytes.
     pub peak_bytes: Option<u64>,
+    /// The back end that it ran on, where that is not the CPU.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub backend: Option<String>,
     /// Its pictures and times come from an earlier run of the same command.
     pub resumed: bool,
     /// With several seeds: mean and 95 % interval of each figure, by its name.
@@ -178,6 +181,11 @@ impl ComparedMethod {
         own.or(self.reason.as_deref())
     }
 
+    /// The back end that its time belongs to; `None`: it has none.
+    fn ran_on(&self) -> Option<&str> {
+        self.milliseconds.map(|_| self.backend.as_deref().unwrap_or("cpu"))
+    }
+
     pub(crate) fn cell(&self, figure: &Figure) -> String {
         let Some(value) = self.value(figure.name) else { return "-".to_owned() };
         match self.intervals.get(figure.name).and_then(|i| i.half_width) {
@@ -194,11 +202,23 @@ pub fn present<'f>(methods: &[ComparedMethod], figures: &'f [Figure]) -> Vec<&'f
 
 /// One row a method; methods without any of the figures have dashes.
 pub fn table(methods: &[ComparedMethod], figures: &[&Figure]) -> Table {
-    let head = std::iter::once("method".to_owned()).chain(figures.iter().map(|f| f.label.to_owned())).collect();
+    let mut head: Vec<String> =
+        std::iter::once("method".to_owned()).chain(figures.iter().map(|f| f.label.to_owned())).collect();
     let row = |m: &ComparedMethod| {
         std::iter::once(m.method.clone()).chain(figures.iter().map(|f| m.cell(f))).collect::<Vec<_>>()
     };
-    Table { head, rows: methods.iter().map(row).collect() }
+    let mut rows: Vec<Vec<String>> = methods.iter().map(row).collect();
+    // Times of different devices stand in one column: it is said whose they are.
+    let has_times = figures.iter().any(|f| f.name == "milliseconds");
+    if has_times && any_elsewhere(methods) {
+        head.push("on".to_owned());
+        rows.iter_mut().zip(methods).for_each(|(row, m)| row.push(m.ran_on().unwrap_or("-").to_owned()));
+    }
+    Table { head, rows }
+}
+
+fn any_elsewhere(methods: &[ComparedMethod]) -> bool {
+    methods.iter().any(|m| m.backend.is_some())
 }
 
 /// The tables of the terminal: pictures and cost, the scorecard, and why anything is missing.
@@ -263,6 +283,10 @@ pub fn csv(methods: &[ComparedMethod]) -> String {
             head.push(format!("{}_ci95", figure.name));
         }
     }
+    let elsewhere = any_elsewhere(methods);
+    if elsewhere {
+        head.push("backend".to_owned());
+    }
     head.push("reason".to_owned());
     let mut text = head.join(",") + "\n";
     for method in methods {
@@ -273,6 +297,9 @@ pub fn csv(methods: &[ComparedMethod]) -> String {
                 let half = method.intervals.get(figure.name).and_then(|i| i.half_width);
                 cells.push(half.map_or(String::new(), |v| v.to_string()));
             }
+        }
+        if elsewhere {
+            cells.push(method.ran_on().unwrap_or("").to_owned());
         }
         cells.push(quoted(method.reason.as_deref().unwrap_or("")));
         text.push_str(&(cells.join(",") + "\n"));
@@ -289,8 +316,10 @@ pub fn latex(methods: &[ComparedMethod]) -> String {
         if figures.is_empty() {
             continue;
         }
-        text.push_str(&format!("\\begin{{tabular}}{{l{}}}\n\\toprule\n", "r".repeat(figures.len())));
-        let heads = figures.iter().map(|f| escaped(f.label));
+        let on = any_elsewhere(methods) && figures.iter().any(|f| f.name == "milliseconds");
+        let columns = "r".repeat(figures.len()) + if on { "l" } else { "" };
+        text.push_str(&format!("\\begin{{tabular}}{{l{columns}}}\n\\toprule\n"));
+        let heads = figures.iter().map(|f| escaped(f.label)).chain(on.then(|| "on".to_owned()));
         text.push_str(&format!("method & {} \\\\\n\\midrule\n", heads.collect::<Vec<_>>().join(" & ")));
         for method in methods {
             let cells = figures.iter().map(|figure| {
@@ -301,7 +330,8 @@ pub fn latex(methods: &[ComparedMethod]) -> String {
                     cell
                 }
             });
-            let cells: Vec<String> = cells.collect();
+            let own = on.then(|| method.ran_on().unwrap_or("-").to_owned());
+            let cells: Vec<String> = cells.chain(own).collect();
             text.push_str(&format!("{} & {} \\\\\n", escaped(&method.method), cells.join(" & ")));
         }
         text.push_str("\\bottomrule\n\\end{tabular}\n\n");

@@ -11,6 +11,7 @@ pub mod ablations;
 pub mod offline;
 pub mod paths;
 
+use crate::backend::Backend;
 use crate::cache::Cache;
 use crate::compare::memory::Memory;
 use crate::compare::{Runner, SceneSource, Sequence};
@@ -32,6 +33,8 @@ pub struct Workshop<'a> {
     pub cache: Option<&'a Cache>,
     /// Stands for the program's version.
     pub program: &'a str,
+    /// What quell runs on.
+    pub backend: &'a Backend,
     /// Measures memory.
     pub memory: &'a dyn Memory,
     /// Work ends soon after this turns true.
@@ -88,7 +91,7 @@ impl Workshop<'_> {
     }
 
     fn runner<'b>(&'b self, folder: &'b Path) -> Runner<'b> {
-        Runner { folder, program: self.program, memory: self.memory, cancel: self.cancel }
+        Runner { folder, program: self.program, backend: self.backend, memory: self.memory, cancel: self.cancel }
     }
 }
 

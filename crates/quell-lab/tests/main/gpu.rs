@@ -79,8 +79,8 @@ pub fn compare(a: &[(String, Vec<f32>)], b: &[(String, Vec<f32>)]) -> Result<(),
         let mean = p.iter().map(|v| f64::from(v.abs())).sum::<f64>() / p.len() as f64;
         let is_off = |(p, q): (&f32, &f32)| {
             let scale = f64::from(p.abs().max(q.abs())) + mean;
-            // NaN is off.
-            !(f64::from((p - q).abs()) <= RELATIVE * scale)
+            let difference = f64::from((p - q).abs());
+            difference.is_nan() || difference > RELATIVE * scale
         };
         let off = p.iter().zip(q).filter(|pair| is_off(*pair)).count();
         if p.len() != q.len() || off as f64 > FLIPS * p.len() as f64 {

@@ -84,7 +84,7 @@ fn by_the_denoiser(gpu: &Arc<Gpu>, settings: &Settings, frames: &[FrameBuf]) -> 
     let mut denoiser = Denoiser::new(Arc::clone(gpu), SIZE, settings).expect("a denoiser");
     let mut frame = |frame: &FrameBuf| {
         denoiser.upload(&frame.frame(&[])).expect("uploaded");
-        let output = denoiser.run().expect("ran").output;
+        let output = denoiser.run().expect("ran").outputs.remove(0);
         outputs(gpu, output)
     };
     frames.iter().map(&mut frame).collect()

@@ -16,6 +16,7 @@ use super::repairs::Repairs;
 use super::slot::Slot;
 use super::small::{Part, Small};
 use super::storage::Storage;
+use super::tile::Tile;
 use super::timing::{Timing, Timings};
 use super::told::pack_taps;
 use super::uniforms::{Cameras, FrameUniforms, SettingsUniforms};
@@ -32,16 +33,18 @@ use glam::Vec2;
 #[derive(Debug)]
 pub struct Denoiser {
     size: Size,
-    options: Options,
+    pub(super) options: Options,
     plans: PlanCache,
-    ledger: Ledger,
+    pub(super) ledger: Ledger,
     kernels: Kernels,
     planes: Planes,
-    program: (Plan, Contents, Program),
+    pub(super) program: (Plan, Contents, Program),
     before: Option<Cameras>,
     timings: Option<Timings>,
     /// Which copy of what alternates this frame writes: 0 or 1.
     turn: usize,
+    /// Of the last frame.
+    pub(super) tile: Option<Tile>,
     /// Made when guides first come as textures, or repairs are to be counted.
     repairs: Option<Repairs>,
     small: Small,
@@ -76,13 +79,16 @@ impl Denoiser {
     /// A size without pixels or beyond the device's limits; a setting out of its range. Running out of device memory
     /// reaches the host through its device, as for any resource.
     pub fn new(device: &wgpu::Device, size: Size, options: &Options) -> Result<Self, Error> {
+        Self::with_kernels(device, size, options, Kernels::default())
+    }
+
+    fn with_kernels(device: &wgpu::Device, size: Size, options: &Options, mut kernels: Kernels) -> Result<Self, Error> {
         options.settings.check()?;
         let plans = PlanCache::new(&options.settings);
         let usual = Contents::USUAL;
         let plan = wanted(&Plan::new(&options.settings, usual.inputs()), usual, options.composite);
         let program = program_of(&plan, usual, options);
         let mut planes = Planes::new(device, size, &options.label, options.storage)?;
-        let mut kernels = Kernels::default();
         workgroups(device, "denoiser", size)?;
         planes.ensure(device, &program);
         kernels.ensure(device, &program);
@@ -97,11 +103,20 @@ impl Denoiser {
             before: None,
             timings: options.timings.then(|| Timings::new(device, &options.label)).flatten(),
             turn: 0,
+            tile: None,
             repairs: None,
             small: Small::new(&options.label),
             groups: Groups::default(),
             last: None,
         })
+    }
+
+    /// Another denoiser with these options, for another tile or view: what this one has compiled is not compiled again.
+    ///
+    /// # Errors
+    /// As [`Denoiser::new`].
+    pub fn another(&self, device: &wgpu::Device, size: Size) -> Result<Self, Error> {
+        Self::with_kernels(device, size, &self.options, self.kernels.clone())
     }
 
     /// Changes settings; history is kept. No pipeline is built anew: a stage that is switched on is compiled once.
@@ -132,6 +147,7 @@ impl Denoiser {
         self.before = None;
         self.groups.clear();
         self.last = None;
+        self.tile = None;
         self.ledger.reset();
         Ok(())
     }
@@ -139,6 +155,11 @@ impl Denoiser {
     /// The largest extent of a frame.
     pub fn size(&self) -> Size {
         self.size
+    }
+
+    /// Extent of the last frame.
+    pub(super) fn last_size(&self) -> Option<Size> {
+        self.last.as_ref().map(|last| last.size)
     }
 
     /// How planes are stored.
@@ -193,25 +214,29 @@ impl Denoiser {
         frame.check(self.size, self.options.storage)?;
         let size = frame.size;
         let workgroups = workgroups(device, "denoiser", size)?;
-        let projection = |camera: &Camera, which| camera.projection(size).ok_or(crate::Error::Camera { which });
+        let tile = frame.tile.unwrap_or(Tile::whole(size));
+        let projection = |camera: &Camera, which| camera.projection(tile.whole).ok_or(crate::Error::Camera { which });
         let cameras = Cameras {
             view: projection(&frame.camera, "camera")?,
             previous_view: projection(&frame.previous_camera, "previous_camera")?,
             jitter: Vec2::from(frame.camera.jitter),
             size,
+            tile,
             has_glossy_hit: frame.guides.has_glossy_hit(),
             has_roughness: frame.guides.has_roughness(),
         };
         let prepared = match &frame.guides {
             Guides::Textures(textures) => {
                 let cameras = [&frame.camera, &frame.previous_camera];
-                let told = PrepareUniforms::new(cameras, size, textures);
+                let told = PrepareUniforms::new(cameras, tile.whole, textures);
                 Some(told.ok_or(crate::Error::Camera { which: "camera" })?)
             }
             Guides::Packed(_) => None,
         };
         let keys = frame.keys();
-        let valid = self.ledger.open_keyed(frame.index, keys);
+        // Of another tile, what is remembered lies elsewhere.
+        let is_same_place = frame.tile == self.tile;
+        let valid = if is_same_place { self.ledger.open_keyed(frame.index, keys) } else { Validity::default() };
         self.prepare(device, Contents { counts: self.options.count_repairs, ..frame.contents() });
         check_targets(&self.program.2, frame)?;
         self.turn = 1 - self.turn;
@@ -241,6 +266,7 @@ impl Denoiser {
         self.last = Some(Last { size, hosts: binder.hosts() });
         self.ledger.close_keyed(frame.index, keys, plan);
         self.before = Some(cameras);
+        self.tile = frame.tile;
         Ok(output)
     }
 
@@ -286,13 +312,14 @@ impl Denoiser {
         valid: Validity,
         prepared: Option<PrepareUniforms>,
     ) -> Vec<(Part, Vec<u8>)> {
-        let (settings, rows) = (&self.options.settings, frame.size.height);
-        let settings_told = SettingsUniforms::of(settings, frame.size, frame.contents());
+        // Kernels have the whole picture's sizes.
+        let (settings, whole) = (&self.options.settings, cameras.tile.whole);
+        let settings_told = SettingsUniforms::of(settings, whole, frame.contents());
         let frame_told = FrameUniforms::from_cameras(cameras, self.before.as_ref(), valid);
         let mut told = vec![(Part::Frame, frame_told.bytes()), (Part::Settings, settings_told.bytes())];
         for resource in &self.program.2.resources {
             let bytes = match resource.role {
-                Role::Taps => pack_taps(settings, resource.slot, rows, frame.index),
+                Role::Taps => pack_taps(settings, resource.slot, whole.height, frame.index),
                 Role::Uniform => prepared.map(|p| p.bytes()).unwrap_or_default(),
                 _ => continue,
             };

@@ -74,6 +74,21 @@ pub enum Error {
         /// What it lacks.
         usage: &'static str,
     },
+    /// A tile, or an area of one, that lies beyond its picture or not where tiles can.
+    #[error(
+        "an area of {size} at {origin:?} does not lie in its tile or picture ({whole}); tiles begin at multiples of 4"
+    )]
+    Tile {
+        /// Where it begins in the picture.
+        origin: [u32; 2],
+        /// Its extent.
+        size: Size,
+        /// The picture's.
+        whole: Size,
+    },
+    /// A margin from a denoiser that is no neighbour.
+    #[error("a tile takes its margin from a tile of the same picture and frame, whose denoiser has the same options")]
+    Neighbour,
     /// A debug view of what the last frame did not make.
     #[error("there is no {image} to show: the last frame did not make it")]
     DebugImage {

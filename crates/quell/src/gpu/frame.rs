@@ -7,6 +7,7 @@ use super::program::{Contents, SignalContents};
 use super::repairs::Repairs;
 use super::slot::Slot;
 use super::storage::{Storage, Texel};
+use super::tile::Tile;
 use crate::camera::Camera;
 use crate::frame::Signal as Lobe;
 use crate::history::passes_key;
@@ -146,6 +147,9 @@ pub struct Frame<'a> {
     pub joint: &'a [JointPlane<'a>],
     /// Where results go; what is `None` lies in a texture of the denoiser's.
     pub targets: Targets<'a>,
+    /// The frame is a part of a larger picture, and `camera` and `previous_camera` are that picture's. Another part than
+    /// the frame before was is a cut.
+    pub tile: Option<Tile>,
 }
 
 impl<'a> Frame<'a> {
@@ -162,6 +166,7 @@ impl<'a> Frame<'a> {
             glossy: None,
             joint: &[],
             targets: Targets::default(),
+            tile: None,
         }
     }
 
@@ -219,6 +224,9 @@ impl<'a> Frame<'a> {
         }
         if size.width > most.width || size.height > most.height {
             return Err(crate::Error::PlaneSize { plane: "frame".to_owned(), expected: most, found: size }.into());
+        }
+        if let Some(tile) = self.tile {
+            tile.check(size)?;
         }
         let packed = match &self.guides {
             Guides::Packed(guides) => Some(guides.planes()),

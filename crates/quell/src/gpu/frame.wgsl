@@ -40,12 +40,25 @@ struct Frame {
     direct_history: u32,
     has_glossy_hit: u32,
     has_roughness: u32,
+    // A frame may be a tile of a larger picture: where its pixel (0, 0) lies there, and the picture's extent.
+    origin: vec2u,
+    whole: vec2u,
 }
 
 // A place in an image, where there is one.
 struct Place {
     coordinate: vec2f,
     found: bool,
+}
+
+// Pixels are the frame's own; continuous coordinates are those of the whole picture, so that a tile's are the same bits.
+fn pixel_centre(pixel: vec2i) -> vec2f {
+    return vec2f(pixel + vec2i(frame.origin)) + 0.5;
+}
+
+// The frame's own pixel from one of the whole picture.
+fn own_pixel(pixel: vec2i) -> vec2i {
+    return pixel - vec2i(frame.origin);
 }
 
 fn ray_origin(view: View, pixel: vec2f) -> vec3f {

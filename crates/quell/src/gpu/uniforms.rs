@@ -1,6 +1,7 @@
 //! What every pass is told: the frame's cameras, and the settings. Twins of `frame.wgsl` and `settings.wgsl`.
 
 use super::guides::SpiralTap;
+use super::tile::Tile;
 use super::uniform::{Uniform, Value, uniforms};
 use crate::border::Guides;
 use crate::camera::Projection;
@@ -42,6 +43,8 @@ uniforms! {
         direct_history: u32,
         has_glossy_hit: u32,
         has_roughness: u32,
+        origin: UVec2,
+        whole: UVec2,
     }
 
     Surface as "SurfaceSettings" {
@@ -195,6 +198,8 @@ pub(super) struct Cameras {
     pub(super) previous_view: Projection,
     pub(super) jitter: Vec2,
     pub(super) size: Size,
+    /// Where the frame lies in the whole picture, whose views those are.
+    pub(super) tile: Tile,
     pub(super) has_glossy_hit: bool,
     pub(super) has_roughness: bool,
 }
@@ -207,6 +212,7 @@ impl FrameUniforms {
             previous_view: guides.previous_view,
             jitter: guides.jitter,
             size: guides.size,
+            tile: Tile::whole(guides.size),
             has_glossy_hit: guides.has_glossy_hit,
             has_roughness: guides.has_roughness,
         };
@@ -228,12 +234,14 @@ impl FrameUniforms {
             before_jitter: before_or_now.jitter,
             size: extent(now.size),
             before_size: extent(before_or_now.size),
-            to_before: extent(before_or_now.size).as_vec2() / extent(now.size).as_vec2(),
+            to_before: extent(before_or_now.tile.whole).as_vec2() / extent(now.tile.whole).as_vec2(),
             matte_history: u32::from(before.is_some() && valid.matte),
             glossy_history: u32::from(before.is_some() && valid.glossy),
             direct_history: u32::from(before.is_some() && valid.direct),
             has_glossy_hit: u32::from(now.has_glossy_hit),
             has_roughness: u32::from(now.has_roughness),
+            origin: UVec2::from(now.tile.origin),
+            whole: extent(now.tile.whole),
         }
     }
 

@@ -41,12 +41,12 @@ fn world_before(pixel: vec2i) -> vec3f {
 }
 
 fn sample_position_before(pixel: vec2i) -> vec2f {
-    return vec2f(pixel) + 0.5 + frame.before_jitter;
+    return pixel_centre(pixel) + frame.before_jitter;
 }
 
 fn on_screen(coordinate: vec2f) -> bool {
     let guard = settings.surface.guard_band;
-    return all(coordinate >= vec2f(guard)) && all(coordinate <= vec2f(frame.size) - guard);
+    return all(coordinate >= vec2f(guard)) && all(coordinate <= vec2f(frame.whole) - guard);
 }
 
 // The bilinear footprint: first pixel, and the weight of each of the four.
@@ -60,7 +60,7 @@ fn footprint_of(coordinate: vec2f) -> Footprint {
     let base = floor(corner);
     let t = corner - base;
     return Footprint(
-        vec2i(base),
+        own_pixel(vec2i(base)),
         array((1.0 - t.x) * (1.0 - t.y), t.x * (1.0 - t.y), (1.0 - t.x) * t.y, t.x * t.y),
     );
 }
@@ -74,7 +74,7 @@ fn expected_surface(pixel: vec2i) -> Expected {
     let own = surface_of(pixel);
     let motion = moving_at(pixel, own.view_depth).motion;
     var expected = Expected(vec2f(0.0), vec3f(0.0), own.normal, own.view_depth, false, false);
-    expected.coordinate = vec2f(pixel) + 0.5 + motion;
+    expected.coordinate = pixel_centre(pixel) + motion;
     if own.view_depth == BACKGROUND || !on_screen(expected.coordinate) {
         return expected;
     }

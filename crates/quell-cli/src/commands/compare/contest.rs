@@ -55,7 +55,8 @@ impl Contest {
         maps: bool,
     ) -> Result<Self, Failure> {
         let program = program();
-        let runner = Runner { folder, program: &program, memory: &Counted, cancel: Some(interrupt::flag()) };
+        let backend = context.backend()?;
+        let runner = Runner { folder, program: &program, backend, memory: &Counted, cancel: Some(interrupt::flag()) };
         let judge = Judge::new(&sequence)?;
         let work = Work::new(context.quiet);
         let mut entries = Vec::new();

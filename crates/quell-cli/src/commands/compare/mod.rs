@@ -34,7 +34,8 @@ use std::path::Path;
 const USUAL: [&str; 7] = ["none", "temporal", "quell:paper", "atrous", "svgf", "nlm", "oidn:high"];
 
 pub fn run(context: &Context, args: CompareArgs) -> Result<(), Failure> {
-    context.no_gpu("compare runs quell")?;
+    context.prefers_cpu();
+    context.backend()?;
     if context.method().contains("changed") {
         return Err(Failure::Usage(
             "--set and --settings belong to one denoiser; in a comparison write --methods \

@@ -42,6 +42,7 @@ fn row(entry: &Entry) -> ComparedMethod {
             scorecard: Some(verdict.scorecard.clone()),
             milliseconds: finished.milliseconds,
             peak_bytes: finished.peak_bytes,
+            backend: finished.backend.clone(),
             resumed: finished.resumed,
             ..ComparedMethod::default()
         },

@@ -117,6 +117,8 @@ pub fn told(frame: &FrameBuf, before: Option<&FrameBuf>, extent: [u32; 2]) -> Va
         "size": extent,
         "before_size": extent,
         "to_before": [1.0, 1.0],
+        "origin": [0, 0],
+        "whole": extent,
         "matte_history": history,
         "glossy_history": history,
         "direct_history": history,

@@ -2,7 +2,7 @@
 
 // Where a pixel was sampled.
 fn sample_position(pixel: vec2i) -> vec2f {
-    return vec2f(pixel) + 0.5 + frame.jitter;
+    return pixel_centre(pixel) + frame.jitter;
 }
 
 fn depth_at(pixel: vec2i) -> f32 {

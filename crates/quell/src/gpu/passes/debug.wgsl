@@ -132,8 +132,8 @@ fn is_unknown(motion: vec2f) -> bool {
 // Depth found in the frame before, beside what cameras and depth say it should be: relative; x says whether there is any.
 fn depth_error(pixel: vec2i) -> vec2f {
     let own = surface_of(pixel);
-    let place = vec2f(pixel) + 0.5 + moving_at(pixel, own.view_depth).motion;
-    let q = vec2i(floor(to_before(place)));
+    let place = pixel_centre(pixel) + moving_at(pixel, own.view_depth).motion;
+    let q = own_pixel(vec2i(floor(to_before(place))));
     if frame.matte_history + frame.glossy_history == 0u || !contains_before(q) {
         return vec2f(0.0);
     }
@@ -166,7 +166,7 @@ fn rejection(pixel: vec2i) -> vec3f {
     if is_unknown(moves.motion) {
         return REASON_UNKNOWN_MOTION;
     }
-    if !on_screen(vec2f(pixel) + 0.5 + moves.motion) {
+    if !on_screen(pixel_centre(pixel) + moves.motion) {
         return REASON_OFF_SCREEN;
     }
     if moves.confidence_in <= 0.0 {

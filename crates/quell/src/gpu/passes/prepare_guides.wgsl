@@ -8,7 +8,7 @@ fn has(plane: u32) -> bool {
 
 // Where a pixel was sampled.
 fn sample_position(pixel: vec2i) -> vec2f {
-    return vec2f(pixel) + 0.5 + frame.jitter;
+    return pixel_centre(pixel) + frame.jitter;
 }
 
 // `DepthKind`

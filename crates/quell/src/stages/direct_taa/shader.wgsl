@@ -2,14 +2,20 @@
 //
 // The pass supplies `direct_at` and `direct_history_at`.
 
+// Whether the image of the frame before shows a coordinate that lies in the picture: a tile may not.
+fn direct_taa_reaches(coordinate: vec2f) -> bool {
+    let first = own_pixel(vec2i(floor(to_before(coordinate) - 0.5)));
+    return all(first >= vec2i(-1)) && all(first < vec2i(frame.before_size));
+}
+
 // Bilinear fetch, clamped to the edge.
 fn direct_taa_fetch(coordinate: vec2f) -> vec3f {
     let corner = to_before(coordinate) - 0.5;
     let base = floor(corner);
     let t = corner - base;
     let last = vec2i(frame.before_size) - 1;
-    let first = clamp(vec2i(base), vec2i(0), last);
-    let second = clamp(vec2i(base) + 1, vec2i(0), last);
+    let first = clamp(own_pixel(vec2i(base)), vec2i(0), last);
+    let second = clamp(own_pixel(vec2i(base)) + 1, vec2i(0), last);
     let a = direct_history_at(first);
     let b = direct_history_at(vec2i(second.x, first.y));
     let c = direct_history_at(vec2i(first.x, second.y));
@@ -41,11 +47,14 @@ fn direct_taa(pixel: vec2i) -> vec3f {
     }
     let motion = moving_at(nearest, depth).motion;
     let speed = length(motion);
-    let coordinate = vec2f(pixel) + 0.5 + motion;
+    let coordinate = pixel_centre(pixel) + motion;
     let trust = settings.direct_taa.history
         * max(1.0 - speed / settings.direct_taa.falloff_px, 0.0)
         * moving_at(pixel, depth_at(pixel)).confidence_in;
-    if trust <= 0.0 || any(coordinate < vec2f(0.0)) || any(coordinate > vec2f(frame.size)) {
+    if trust <= 0.0 || any(coordinate < vec2f(0.0)) || any(coordinate > vec2f(frame.whole)) {
+        return now;
+    }
+    if !direct_taa_reaches(coordinate) {
         return now;
     }
     let fetched = direct_taa_fetch(coordinate);

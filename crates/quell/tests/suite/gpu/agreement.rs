@@ -313,7 +313,7 @@ pub const PLANTED: &[(&str, &str, &str)] = &[
     // storage/float.wgsl
     ("3", "return Moving(v.xy, v.z, v.w);", "return Moving(v.yx, v.z, v.w);"),
     // guides
-    ("9", "vec2f(pixel) + 0.5 + frame.jitter", "vec2f(pixel).yx"),
+    ("9", "pixel_centre(pixel) + frame.jitter", "vec2f(pixel).yx"),
     ("6", "return depth_at(pixel) != BACKGROUND;", "return true;"),
     ("4", "geometry_normal(shape, skin),\n        depth,", "vec3f(0.0, 0.0, 1.0),\n        depth,"),
     (
