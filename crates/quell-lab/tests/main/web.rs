@@ -8,7 +8,7 @@ mod server;
 
 use super::browser::Browser;
 use base64::Engine;
-use quell::gpu::{Contents, Convention, Pass, SequenceWavelet, Storage, debug_source, wgpu};
+use quell::gpu::{Contents, Convention, Pass, SequenceShader, SequenceWavelet, Storage, debug_source, wgpu};
 use quell::{Settings, Size};
 use quell_lab::gpu::manifest::{Choice, File, MANIFEST, files};
 use quell_lab::gpu::{Denoiser, Gpu, Wanted, trial};
@@ -194,6 +194,7 @@ fn shaders() -> Vec<Value> {
         add(format!("debug, {storage:?}"), debug, is_built);
     }
     add("sequence wavelet".to_owned(), SequenceWavelet::source(), true);
+    SequenceShader::ALL.into_iter().for_each(|s| add(format!("sequence {s:?}"), s.source(), true));
     all
 }
 
