@@ -301,8 +301,8 @@ fn device_memory_is_told() {
         (out(&done), report["sizes"][0]["device_memory_bytes"].clone())
     };
     let (text, memory) = bytes(&["--backend", "gpu", "--device", &adapter]);
-    // As docs/gpu.md counts them, without stage 11: 72 bytes a pixel outlive a frame.
-    assert_eq!(memory["persistent"], 72 * 64 * 36, "{memory}");
+    // As docs/gpu.md counts them, those of stage 11 included: `new` makes them before it knows what frames hold.
+    assert_eq!(memory["persistent"], 88 * 64 * 36, "{memory}");
     assert!(memory["transient"].as_u64() > Some(0) && memory["uploaded"].as_u64() > Some(0), "{memory}");
     assert!(text.contains("device memory: "), "{text}");
     let (text, memory) = bytes(&["--backend", "cpu"]);
