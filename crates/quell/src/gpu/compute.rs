@@ -62,6 +62,36 @@ pub(super) fn source(bindings: &Bindings, pieces: &[&str]) -> String {
     std::iter::once(declared.as_str()).chain(pieces.iter().copied()).collect::<Vec<_>>().join("\n")
 }
 
+/// Compiles a shader whose bindings are all in group 0: its layout, and a pipeline for each entry point, under one label.
+pub(super) fn compiled<const N: usize>(
+    device: &wgpu::Device,
+    label: &str,
+    points: [&str; N],
+    source: &str,
+    entries: &[wgpu::BindGroupLayoutEntry],
+) -> (wgpu::BindGroupLayout, [wgpu::ComputePipeline; N]) {
+    let label = Some(label);
+    let module = device
+        .create_shader_module(wgpu::ShaderModuleDescriptor { label, source: wgpu::ShaderSource::Wgsl(source.into()) });
+    let layout = device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor { label, entries });
+    let pipeline_layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
+        label,
+        bind_group_layouts: &[Some(&layout)],
+        immediate_size: 0,
+    });
+    let pipeline = |point| {
+        device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+            label,
+            layout: Some(&pipeline_layout),
+            module: &module,
+            entry_point: Some(point),
+            compilation_options: wgpu::PipelineCompilationOptions::default(),
+            cache: None,
+        })
+    };
+    (layout, points.map(pipeline))
+}
+
 /// Such a pipeline on a device.
 #[derive(Debug)]
 pub(super) struct Compute {
@@ -73,7 +103,6 @@ pub(super) struct Compute {
 impl Compute {
     pub(super) fn new(device: &wgpu::Device, entry: &str, bindings: &Bindings, source: String) -> Self {
         let label = format!("quell {entry}");
-        let named = Some(label.as_str());
         let entries: Vec<_> = (0..)
             .zip(bindings)
             .map(|(binding, (_, kind))| wgpu::BindGroupLayoutEntry {
@@ -83,25 +112,7 @@ impl Compute {
                 count: None,
             })
             .collect();
-        let layout =
-            device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor { label: named, entries: &entries });
-        let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
-            label: named,
-            source: wgpu::ShaderSource::Wgsl(source.into()),
-        });
-        let pipeline_layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
-            label: named,
-            bind_group_layouts: &[Some(&layout)],
-            immediate_size: 0,
-        });
-        let pipeline = device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
-            label: named,
-            layout: Some(&pipeline_layout),
-            module: &module,
-            entry_point: Some(entry),
-            compilation_options: wgpu::PipelineCompilationOptions::default(),
-            cache: None,
-        });
+        let (layout, [pipeline]) = compiled(device, &label, [entry], &source, &entries);
         Self { label, layout, pipeline }
     }
 

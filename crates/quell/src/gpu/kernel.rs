@@ -1,5 +1,6 @@
 //! A pass made ready for a device, and encoded into the caller's encoder.
 
+use super::compute::compiled;
 use super::error::Error;
 use super::pass::{BindingKind, FIRST_BINDING, Pass, WORKGROUP};
 use super::storage::Storage;
@@ -54,12 +55,7 @@ impl Kernel {
 
     /// Likewise from changed WGSL with the same bindings and entry point: for tests that plant a difference.
     pub fn with_source(device: &wgpu::Device, pass: Pass, storage: Storage, source: &str) -> Self {
-        let owned_label = format!("quell {}", pass.name);
-        let label = Some(owned_label.as_str());
-        let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
-            label,
-            source: wgpu::ShaderSource::Wgsl(source.into()),
-        });
+        let label = format!("quell {}", pass.name);
         let entry = |binding, ty| wgpu::BindGroupLayoutEntry {
             binding,
             visibility: wgpu::ShaderStages::COMPUTE,
@@ -86,21 +82,8 @@ impl Kernel {
             entry(i, ty)
         });
         let entries: Vec<_> = uniforms.chain(rest).collect();
-        let layout = device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor { label, entries: &entries });
-        let pipeline_layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
-            label,
-            bind_group_layouts: &[Some(&layout)],
-            immediate_size: 0,
-        });
-        let pipeline = device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
-            label,
-            layout: Some(&pipeline_layout),
-            module: &module,
-            entry_point: Some(pass.entry),
-            compilation_options: wgpu::PipelineCompilationOptions::default(),
-            cache: None,
-        });
-        Self { pass, storage, label: owned_label, layout, pipeline }
+        let (layout, [pipeline]) = compiled(device, &label, [pass.entry], source, &entries);
+        Self { pass, storage, label, layout, pipeline }
     }
 
     /// Appends the pass over images of `size` to the caller's encoder; submits nothing. `bound` are the resources of

@@ -4,6 +4,7 @@
 //! seven bindings, the largest 16 bytes a pixel, so that bands of rows are needed only beyond 8 million pixels on
 //! WebGPU's default limits. Like the rest of this module a good guest.
 
+use super::compute::compiled;
 use super::error::Error;
 use super::uniform::{Uniform, Value, uniforms};
 use crate::plane::Size;
@@ -126,11 +127,6 @@ impl SequenceWavelet {
     /// [`SequenceWavelet::new`] from changed WGSL with the same bindings and entry points: for tests that plant a
     /// difference.
     pub fn with_source(device: &wgpu::Device, source: &str) -> Self {
-        let label = Some("quell sequence_wavelet");
-        let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
-            label,
-            source: wgpu::ShaderSource::Wgsl(source.into()),
-        });
         let entry = |binding, ty, has_dynamic_offset| wgpu::BindGroupLayoutEntry {
             binding,
             visibility: wgpu::ShaderStages::COMPUTE,
@@ -140,23 +136,9 @@ impl SequenceWavelet {
         let mut entries = vec![entry(0, wgpu::BufferBindingType::Uniform, true)];
         let storage = |read_only| wgpu::BufferBindingType::Storage { read_only };
         entries.extend((1..).zip(BINDINGS).map(|(i, (_, read_only))| entry(i, storage(read_only), false)));
-        let layout = device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor { label, entries: &entries });
-        let pipeline_layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
-            label,
-            bind_group_layouts: &[Some(&layout)],
-            immediate_size: 0,
-        });
-        let pipeline = |entry| {
-            device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
-                label,
-                layout: Some(&pipeline_layout),
-                module: &module,
-                entry_point: Some(entry),
-                compilation_options: wgpu::PipelineCompilationOptions::default(),
-                cache: None,
-            })
-        };
-        Self { compare: pipeline("compare"), filter: pipeline("filter_level"), layout }
+        let points = ["compare", "filter_level"];
+        let (layout, [compare, filter]) = compiled(device, "quell sequence_wavelet", points, source, &entries);
+        Self { compare, filter, layout }
     }
 
     /// Layout of the struct that the shader reads, and its storage buffers from binding 1 on with whether they are only

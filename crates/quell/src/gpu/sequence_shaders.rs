@@ -1,5 +1,6 @@
 //! Shaders of the sequence filter's stages 1 and 2, compiled; the wavelet's is in `sequence.rs`.
 
+use super::compute::compiled;
 use super::sequence::{GUIDED, Level, SequenceWavelet};
 use super::uniform::{Uniform, uniforms};
 use glam::{UVec2, Vec4};
@@ -208,12 +209,7 @@ pub(super) struct Compiled {
 
 impl Compiled {
     fn new(device: &wgpu::Device, shader: SequenceShader, source: &str) -> Self {
-        let owned = format!("quell sequence {}", shader.entry());
-        let label = Some(owned.as_str());
-        let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
-            label,
-            source: wgpu::ShaderSource::Wgsl(source.into()),
-        });
+        let label = format!("quell sequence {}", shader.entry());
         let buffer = |ty| wgpu::BindingType::Buffer { ty, has_dynamic_offset: false, min_binding_size: None };
         let ty = |kind| match kind {
             Told => buffer(wgpu::BufferBindingType::Uniform),
@@ -232,21 +228,8 @@ impl Compiled {
             count: None,
         };
         let entries: Vec<_> = (0..).zip(shader.bindings()).map(entry).collect();
-        let layout = device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor { label, entries: &entries });
-        let pipeline_layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
-            label,
-            bind_group_layouts: &[Some(&layout)],
-            immediate_size: 0,
-        });
-        let pipeline = device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
-            label,
-            layout: Some(&pipeline_layout),
-            module: &module,
-            entry_point: Some(shader.entry()),
-            compilation_options: wgpu::PipelineCompilationOptions::default(),
-            cache: None,
-        });
-        Self { label: owned, layout, pipeline }
+        let (layout, [pipeline]) = compiled(device, &label, [shader.entry()], source, &entries);
+        Self { label, layout, pipeline }
     }
 
     /// Appends it; resources in the order of its bindings.
