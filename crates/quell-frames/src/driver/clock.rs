@@ -22,12 +22,17 @@ pub struct Times {
     pub writing: StageTime,
     /// From the first frame's reading to the last one's writing, by the clock.
     pub wall: f64,
+    /// A device took part in the filter, whose work is in no processor second.
+    pub elsewhere: bool,
 }
 
 impl Times {
     /// The least that `cores` cores could take if all three overlapped wholly and spread over all cores: their processor
-    /// seconds together over the cores.
+    /// seconds together over the cores. `None`: the system does not tell them, or they are not all of the work.
     pub fn bound(&self, cores: usize) -> Option<f64> {
+        if self.elsewhere {
+            return None;
+        }
         let sum = self.reading.cpu? + self.filtering.cpu? + self.writing.cpu?;
         Some(sum / cores.max(1) as f64)
     }
@@ -98,8 +103,10 @@ mod tests {
     #[test]
     fn the_bound_shares_processor_time_among_cores() {
         let stage = |cpu| StageTime { cpu: Some(cpu), busy: 0.0 };
-        let times = Times { reading: stage(2.0), filtering: stage(8.0), writing: stage(4.0), wall: 7.5 };
+        let times =
+            Times { reading: stage(2.0), filtering: stage(8.0), writing: stage(4.0), wall: 7.5, elsewhere: false };
         assert_eq!(times.bound(2), Some(7.0));
+        assert_eq!(Times { elsewhere: true, ..times }.bound(2), None);
         assert_eq!(Times::default().bound(2), None);
     }
 }

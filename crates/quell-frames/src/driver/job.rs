@@ -278,7 +278,7 @@ impl Job {
     /// # Errors
     /// As there.
     pub fn run(&self, stop: &AtomicBool, told: &(dyn Fn(Event) + Sync)) -> Result<Outcome, Error> {
-        if self.memory()?.bands > 1 {
+        let mut outcome = if self.memory()?.bands > 1 {
             let estimate = self.estimate();
             let limit = self.limit();
             let bands = |moved: f32| match self.options.bands {
@@ -286,12 +286,14 @@ impl Job {
                 // It was said to take bands, and its frames lie in files already.
                 None => Ok(estimate.bands(limit, self.margin(moved)?)?.max(2)),
             };
-            return super::bands::run(self, &bands, stop, told);
-        }
-        let mut window = Denoisers::new(self)?;
-        let options = self.run_options();
-        let disk = Disk::new(self);
-        pipeline::run(&self.plan, &disk, &mut window, options, stop, told)
+            super::bands::run(self, &bands, stop, told)?
+        } else {
+            let mut window = Denoisers::new(self)?;
+            let disk = Disk::new(self);
+            pipeline::run(&self.plan, &disk, &mut window, self.run_options(), stop, told)?
+        };
+        outcome.times.elsewhere = self.options.accelerator.is_some();
+        Ok(outcome)
     }
 
     pub(super) fn sources(&self, number: i64) -> Result<&FrameSources, Error> {

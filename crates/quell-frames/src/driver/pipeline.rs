@@ -177,7 +177,7 @@ where
         frames: middle.fates.into_iter().collect(),
         cuts: middle.cuts,
         ended: ended.or(middle.ended).or_else(|| stopped_by_user.then(String::new)),
-        times: Times { reading, filtering, writing, wall: begin.elapsed().as_secs_f64() },
+        times: Times { reading, filtering, writing, wall: begin.elapsed().as_secs_f64(), elsewhere: false },
     })
 }
 
