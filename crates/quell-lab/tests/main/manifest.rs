@@ -7,10 +7,11 @@ mod camera;
 mod runner;
 mod textures;
 
+use crate::gpu::gpu;
 use quell::gpu::{Contents, PackedFrame, PackedSignal, Storage, wgpu};
 use quell::{FrameBuf, Settings, Size};
 use quell_lab::gpu::manifest::{Choice, File, MANIFEST, files};
-use quell_lab::gpu::{Denoiser, Gpu, Wanted};
+use quell_lab::gpu::{Denoiser, Gpu};
 use quell_trace::{Control, RenderOptions, Tracer, builtin};
 use runner::{Input, Runner};
 use serde_json::json;
@@ -18,18 +19,6 @@ use std::collections::HashMap;
 use std::sync::Arc;
 
 const SIZE: Size = Size::new(70, 41);
-
-fn gpu() -> Option<Arc<Gpu>> {
-    match Gpu::open(Wanted::Named("")) {
-        Ok(gpu) => Some(Arc::new(gpu)),
-        Err(why) => {
-            let required = std::env::var_os("QUELL_REQUIRE_GPU").is_some_and(|v| v == "1");
-            assert!(!required, "QUELL_REQUIRE_GPU is set, but {why}");
-            println!("SKIPPED: {why}");
-            None
-        }
-    }
-}
 
 /// The first frames of a scene with a moving camera.
 fn traced(count: i64) -> Vec<FrameBuf> {
