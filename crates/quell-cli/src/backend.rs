@@ -77,7 +77,7 @@ pub use device::adapters;
 #[cfg(feature = "gpu")]
 mod device {
     use super::{Backend, Chosen, Failure};
-    use quell_lab::gpu::{Error, Gpu, Wanted};
+    use quell_host::{Error, Gpu, Wanted};
     use std::sync::Arc;
 
     fn open(device: Option<&str>, why: &str) -> Result<Chosen, Error> {
@@ -99,7 +99,7 @@ mod device {
 
     /// Every adapter, a line each.
     pub fn adapters() -> Vec<String> {
-        quell_lab::gpu::adapters().iter().map(ToString::to_string).collect()
+        quell_host::adapters().iter().map(ToString::to_string).collect()
     }
 }
 

@@ -120,8 +120,8 @@ impl From<quell_lab::Error> for Failure {
 }
 
 #[cfg(feature = "gpu")]
-fn gpu(error: quell_lab::gpu::Error) -> Failure {
-    use quell_lab::gpu::Error;
+fn gpu(error: quell_host::Error) -> Failure {
+    use quell_host::Error;
     match error {
         Error::Denoiser(quell::gpu::Error::Denoiser(error)) => error.into(),
         Error::UnknownDevice { .. } | Error::Denoiser(quell::gpu::Error::Size { .. }) => {

@@ -15,7 +15,7 @@ pub enum Backend {
     Cpu(quell::Backend),
     /// A GPU.
     #[cfg(feature = "gpu")]
-    Gpu(Arc<crate::gpu::Gpu>),
+    Gpu(Arc<quell_host::Gpu>),
 }
 
 /// Memory on a device, in bytes.
@@ -78,7 +78,7 @@ impl Backend {
         match self {
             Self::Cpu(_) => Ok(None),
             #[cfg(feature = "gpu")]
-            Self::Gpu(gpu) => Ok(Some(crate::gpu::copy_speed(gpu)?)),
+            Self::Gpu(gpu) => Ok(Some(quell_host::copy_speed(gpu)?)),
         }
     }
 
@@ -90,7 +90,7 @@ impl Backend {
         match self {
             Self::Cpu(_) => Ok(None),
             #[cfg(feature = "gpu")]
-            Self::Gpu(gpu) => Ok(Some(Arc::new(crate::gpu::SequenceAccelerator::new(gpu.clone())?))),
+            Self::Gpu(gpu) => Ok(Some(Arc::new(quell_host::SequenceAccelerator::new(gpu.clone())?))),
         }
     }
 
@@ -104,7 +104,7 @@ impl Backend {
                 Denoiser::Cpu(*backend, Box::new(quell::Denoiser::with_backend(size, settings, *backend)?))
             }
             #[cfg(feature = "gpu")]
-            Self::Gpu(gpu) => Denoiser::Gpu(Box::new(crate::gpu::Denoiser::new(gpu.clone(), size, settings)?)),
+            Self::Gpu(gpu) => Denoiser::Gpu(Box::new(quell_host::Denoiser::new(gpu.clone(), size, settings)?)),
         })
     }
 }
@@ -116,7 +116,7 @@ pub enum Denoiser {
     Cpu(quell::Backend, Box<quell::Denoiser>),
     /// On a GPU.
     #[cfg(feature = "gpu")]
-    Gpu(Box<crate::gpu::Denoiser>),
+    Gpu(Box<quell_host::Denoiser>),
 }
 
 impl Denoiser {
@@ -187,7 +187,10 @@ impl Denoiser {
         match self {
             Self::Cpu(..) => None,
             #[cfg(feature = "gpu")]
-            Self::Gpu(denoiser) => Some(denoiser.memory()),
+            Self::Gpu(denoiser) => {
+                let quell_host::Memory { persistent, transient, uploaded } = denoiser.memory();
+                Some(DeviceMemory { persistent, transient, uploaded })
+            }
         }
     }
 

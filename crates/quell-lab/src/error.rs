@@ -64,7 +64,7 @@ pub enum Error {
     /// The GPU, or the denoiser on it.
     #[cfg(feature = "gpu")]
     #[error(transparent)]
-    Gpu(#[from] crate::gpu::Error),
+    Gpu(#[from] quell_host::Error),
     /// Tracing failed or was stopped.
     #[error(transparent)]
     Trace(#[from] quell_trace::TraceError),

@@ -9,7 +9,7 @@
 //! tone.rs        the one tone curve of every picture that is looked at, and PNG
 //! report/        the JSON report, the table in the terminal, the player page, the animated strip
 //! backend.rs     which back end filters frames that lie in memory
-//! gpu/           a host for quell on the GPU: device, upload, submit, read back (feature `gpu`)
+//! trial.rs       frames as files, to try a host in another language with (feature `gpu`)
 //! cache.rs       references on disk: found by hash, never half written
 //! references.rs  converges a reference in two halves, through the cache, continued where it stopped
 //! ```
@@ -18,8 +18,6 @@ pub mod backend;
 pub mod cache;
 pub mod compare;
 pub mod error;
-#[cfg(feature = "gpu")]
-pub mod gpu;
 pub mod methods;
 pub mod metrics;
 pub mod references;
@@ -27,5 +25,7 @@ pub mod report;
 pub mod reproduce;
 pub mod scorecard;
 pub mod tone;
+#[cfg(feature = "gpu")]
+pub mod trial;
 
 pub use error::Error;

@@ -13,8 +13,8 @@ pub fn run(_: &Context, _: ShadersArgs) -> Result<(), Failure> {
 pub fn run(context: &Context, args: ShadersArgs) -> Result<(), Failure> {
     use crate::{interrupt, output};
     use quell::gpu::{Contents, Convention, SignalContents, Storage};
-    use quell_lab::gpu::manifest::{Choice, File, files};
-    use quell_lab::gpu::trial;
+    use quell_host::manifest::{Choice, File, files};
+    use quell_lab::trial;
     use quell_trace::{Control, builtin};
     use serde_json::Map;
 

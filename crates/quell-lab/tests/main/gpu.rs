@@ -3,8 +3,8 @@
 //! Without an adapter the tests print why they did nothing; with `QUELL_REQUIRE_GPU=1` they fail.
 
 use quell::{FrameBuf, Output, PassBuf, Plane, PlaneRef, Preset, Rgb, Settings, Signal, Size};
+use quell_host::{Gpu, Wanted};
 use quell_lab::backend::Backend;
-use quell_lab::gpu::{Gpu, Wanted};
 use quell_lab::methods::quell::ABLATIONS;
 use quell_trace::{Control, RenderOptions, Tracer, builtin};
 use std::sync::Arc;

@@ -6,8 +6,6 @@ mod compare;
 mod comparison;
 #[cfg(feature = "gpu")]
 mod gpu;
-#[cfg(feature = "gpu")]
-mod manifest;
 mod metrics;
 mod offline;
 mod oidn;

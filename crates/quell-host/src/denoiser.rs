@@ -1,12 +1,12 @@
 //! Frames in, frames out.
 
-use super::device::Gpu;
-use super::error::Error;
-use super::part::{Part, Shown, Told};
-use super::tiles::Layout;
-use crate::backend::DeviceMemory;
+use crate::device::Gpu;
+use crate::error::Error;
+use crate::part::{FrameInfo, Part, Shown};
+use crate::readback::Readback;
+use crate::tiles::Layout;
 use quell::denoiser::MAX_EXTENT;
-use quell::gpu::{Area, Options, PackedFrame};
+use quell::gpu::{Area, Options, PackedFrame, wgpu};
 use quell::pipeline::Stage;
 use quell::report::StageTimes;
 use quell::{Frame, Output, OutputBuf, Report, Settings, Size};
@@ -21,7 +21,7 @@ pub struct Denoiser {
     /// Which tile takes what from which after each frame.
     exchanges: Vec<(usize, usize, Area)>,
     parts: Vec<Part>,
-    told: Option<Told>,
+    info: Option<FrameInfo>,
     /// Of the frame that was uploaded last.
     beyond: u64,
     output: Option<OutputBuf>,
@@ -36,6 +36,17 @@ pub struct Ran {
     pub wall: Duration,
     /// Of its stages, where the adapter has timestamps.
     pub times: StageTimes,
+}
+
+/// Memory on the device, in bytes.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Memory {
+    /// What outlives a frame: history and the guides of the frame before.
+    pub persistent: u64,
+    /// What is needed within a frame, results included.
+    pub transient: u64,
+    /// Frames as they are uploaded.
+    pub uploaded: u64,
 }
 
 /// How a frame is cut into tiles.
@@ -97,7 +108,7 @@ impl Denoiser {
             // A device that has no memory left must not be asked for more.
             gpu.check(&format!("the planes of {size}"))?;
         }
-        Ok(Self { gpu, exchanges: layout.exchanges(), layout, parts, told: None, beyond: 0, output: None })
+        Ok(Self { gpu, exchanges: layout.exchanges(), layout, parts, info: None, beyond: 0, output: None })
     }
 
     /// Forgets history: the next frame starts afresh.
@@ -111,12 +122,19 @@ impl Denoiser {
     /// What [`quell::Frame::check`] finds; what the device reports.
     pub fn denoise(&mut self, frame: &Frame<'_>) -> Result<Output<'_>, Error> {
         let begin = Instant::now();
-        self.upload(frame)?;
+        self.write(frame)?;
         let uploading = begin.elapsed();
-        let ran = self.run()?;
+        let mut encoder = self.gpu.encoder("quell host");
+        let outputs = self.encode(&mut encoder)?;
+        let mut readback = Readback::default();
+        for (part, encoded) in self.parts.iter().zip(&outputs) {
+            part.copy_back(&self.gpu, &mut encoder, encoded, &mut readback);
+        }
+        let contents = readback.read(&self.gpu, encoder, "a frame")?;
+        let times = self.times();
         let begin = Instant::now();
-        let mut read = self.read(&ran.outputs)?;
-        read.report.times = ran.times;
+        let mut read = self.unpack(&outputs, contents)?;
+        read.report.times = times;
         read.report.times.border = uploading + begin.elapsed();
         Ok(self.output.insert(read).output())
     }
@@ -126,6 +144,14 @@ impl Denoiser {
     /// # Errors
     /// What [`quell::Frame::check`] finds; what the device reports.
     pub fn upload(&mut self, frame: &Frame<'_>) -> Result<(), Error> {
+        self.write(frame)?;
+        // Without this the copies would run, and be timed, with the frame.
+        self.gpu.queue().submit([]);
+        self.gpu.wait("uploading a frame")
+    }
+
+    /// Copies a frame to the device with the next submit.
+    fn write(&mut self, frame: &Frame<'_>) -> Result<(), Error> {
         let whole = self.layout.whole;
         frame.check(whole).map_err(quell::gpu::Error::Denoiser)?;
         let Some(storage) = self.parts.first().map(|part| part.guest.storage()) else { return Err(Error::NoFrame) };
@@ -133,11 +159,9 @@ impl Denoiser {
         for part in &mut self.parts {
             part.upload(&self.gpu, &packed, whole, storage);
         }
-        self.told = Some(Told::new(frame, &packed));
+        self.info = Some(FrameInfo::new(frame, &packed));
         self.beyond = frame.motion.map_or(0, |motion| self.layout.beyond(motion));
-        // Without this the copies would run, and be timed, with the frame.
-        self.gpu.queue().submit([]);
-        self.gpu.wait("uploading a frame")
+        Ok(())
     }
 
     /// Runs what was uploaded, as the frame after the one before; the wall time from encoding to the end.
@@ -145,18 +169,29 @@ impl Denoiser {
     /// # Errors
     /// Nothing was uploaded; what the device reports.
     pub fn run(&mut self) -> Result<Ran, Error> {
-        let Some(told) = &self.told else { return Err(Error::NoFrame) };
         let begin = Instant::now();
         let mut encoder = self.gpu.encoder("quell host");
-        let encode = |part: &mut Part| part.encode(&self.gpu, &mut encoder, told);
+        let outputs = self.encode(&mut encoder)?;
+        self.gpu.run(encoder, "a frame")?;
+        let wall = begin.elapsed();
+        Ok(Ran { outputs, wall, times: self.times() })
+    }
+
+    /// Appends what was uploaded, as the frame after the one before.
+    fn encode(&mut self, encoder: &mut wgpu::CommandEncoder) -> Result<Vec<quell::gpu::Output>, Error> {
+        let Some(info) = &self.info else { return Err(Error::NoFrame) };
+        let encode = |part: &mut Part| part.encode(&self.gpu, encoder, info);
         let outputs: Vec<_> = self.parts.iter_mut().map(encode).collect::<Result<_, _>>()?;
         for &(to, from, area) in &self.exchanges {
             if let (Some(to), Some(from)) = (self.parts.get(to), self.parts.get(from)) {
-                to.guest.take_margin(&mut encoder, &from.guest, area)?;
+                to.guest.take_margin(encoder, &from.guest, area)?;
             }
         }
-        self.gpu.run(encoder, "a frame")?;
-        let wall = begin.elapsed();
+        Ok(outputs)
+    }
+
+    /// Of the stages of what has run, where the adapter has timestamps.
+    fn times(&mut self) -> StageTimes {
         let mut times = StageTimes::default();
         let timings = self.parts.iter_mut().flat_map(|part| part.guest.take_timings(self.gpu.queue()));
         for timing in timings.flatten() {
@@ -166,7 +201,7 @@ impl Denoiser {
                 times.set(stage, so_far + Duration::from_secs_f64(timing.milliseconds.max(0.0) * 1e-3));
             }
         }
-        Ok(Ran { outputs, wall, times })
+        times
     }
 
     /// How frames are cut into tiles; `None`: they fit the device's textures.
@@ -189,8 +224,8 @@ impl Denoiser {
     }
 
     /// Memory of the textures that the last frame needed, on the device.
-    pub fn memory(&self) -> DeviceMemory {
-        let mut all = DeviceMemory::default();
+    pub fn memory(&self) -> Memory {
+        let mut all = Memory::default();
         for part in &self.parts {
             let own = part.guest.memory();
             all.persistent += own.persistent;
@@ -212,11 +247,12 @@ impl Denoiser {
         Some((f64::from(once) * self.layout.overlap()).round() as u32)
     }
 
-    fn read(&self, encoded: &[quell::gpu::Output]) -> Result<OutputBuf, Error> {
-        let Some(told) = &self.told else { return Err(Error::NoFrame) };
+    fn unpack(&self, encoded: &[quell::gpu::Output], contents: Vec<Vec<u8>>) -> Result<OutputBuf, Error> {
+        let Some(info) = &self.info else { return Err(Error::NoFrame) };
+        let mut contents = contents.into_iter();
         let mut whole: Option<Shown> = None;
         for (part, encoded) in self.parts.iter().zip(encoded) {
-            let shown = part.read(&self.gpu, encoded, told)?;
+            let shown = part.unpack(&self.gpu, encoded, info, &mut contents)?;
             if self.parts.len() == 1 {
                 whole = Some(shown);
             } else {
@@ -228,7 +264,7 @@ impl Denoiser {
             return Err(Error::NoFrame);
         };
         let report = Report {
-            sanitised: told.sanitised,
+            sanitised: info.sanitised,
             reset_pixels: confidence.data().iter().filter(|c| **c == 0.0).count() as u64,
             had_history: encoded.iter().any(|output| output.had_history),
             times: StageTimes::default(),
@@ -239,8 +275,8 @@ impl Denoiser {
 
 #[cfg(test)]
 mod tests {
-    use super::super::{Wanted, tiles::Layout};
     use super::*;
+    use crate::{Wanted, tiles::Layout};
     use glam::Vec3;
     use quell::{FrameBuf, PassBuf, Plane, Rgb, Signal};
     use quell_trace::scene::CameraPath;

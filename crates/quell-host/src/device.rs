@@ -1,7 +1,8 @@
 //! The device, its queue, and what goes wrong with them.
 
-use super::adapter::{self, Adapter, Wanted};
-use super::error::Error;
+use crate::adapter::{self, Adapter, Wanted};
+use crate::error::Error;
+use crate::readback::Readback;
 use quell::gpu::wgpu;
 use std::pin::pin;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -148,31 +149,6 @@ impl Gpu {
         waited.map(|_| ()).map_err(|e| self.refused(what, &e))
     }
 
-    /// The first `bytes` of buffers, once everything submitted has run.
-    ///
-    /// # Errors
-    /// As [`Gpu::check`].
-    pub fn read(&self, buffers: &[(&wgpu::Buffer, u64)], what: &str) -> Result<Vec<Vec<u8>>, Error> {
-        let mut encoder = self.encoder("quell host reads");
-        let copy = |(buffer, bytes): &(&wgpu::Buffer, u64)| {
-            let usage = wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST;
-            let copy = self.buffer("quell host reads", *bytes, usage);
-            encoder.copy_buffer_to_buffer(buffer, 0, &copy, 0, *bytes);
-            copy
-        };
-        let copies: Vec<wgpu::Buffer> = buffers.iter().map(copy).collect();
-        self.queue.submit([encoder.finish()]);
-        for copy in &copies {
-            // Whether it went well shows where the range is taken.
-            copy.map_async(wgpu::MapMode::Read, .., |_| ());
-        }
-        self.wait(what)?;
-        let bytes = |copy: &wgpu::Buffer| {
-            copy.get_mapped_range(..).map(|range| range.to_vec()).map_err(|e| self.refused(what, &e))
-        };
-        copies.iter().map(bytes).collect()
-    }
-
     /// A texture of one plane that holds these texels, row by row without padding.
     pub fn texture(
         &self,
@@ -218,29 +194,12 @@ impl Gpu {
     /// As [`Gpu::check`].
     pub fn read_textures(&self, textures: &[&wgpu::Texture], what: &str) -> Result<Vec<Vec<u8>>, Error> {
         let mut encoder = self.encoder("quell host reads");
-        let row_of = |texture: &wgpu::Texture| texture.format().block_copy_size(None).unwrap_or(0) * texture.width();
-        let padded_of = |texture: &wgpu::Texture| row_of(texture).next_multiple_of(wgpu::COPY_BYTES_PER_ROW_ALIGNMENT);
-        let copy = |texture: &&wgpu::Texture| {
-            let padded = padded_of(texture);
-            let usage = wgpu::BufferUsages::COPY_SRC | wgpu::BufferUsages::COPY_DST;
-            let buffer = self.buffer("quell host reads", u64::from(padded) * u64::from(texture.height()), usage);
-            let layout = wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(padded), rows_per_image: None };
-            let to = wgpu::TexelCopyBufferInfo { buffer: &buffer, layout };
-            encoder.copy_texture_to_buffer(texture.as_image_copy(), to, texture.size());
-            buffer
-        };
-        let copies: Vec<wgpu::Buffer> = textures.iter().map(copy).collect();
-        self.queue.submit([encoder.finish()]);
-        let buffers: Vec<_> = copies.iter().map(|buffer| (buffer, buffer.size())).collect();
-        let contents = self.read(&buffers, what)?;
-        let packed = textures.iter().zip(contents).map(|(texture, bytes)| {
-            let (row, padded) = (row_of(texture) as usize, padded_of(texture) as usize);
-            bytes.chunks_exact(padded.max(1)).flat_map(|r| r.get(..row).unwrap_or_default()).copied().collect()
-        });
-        Ok(packed.collect())
+        let mut readback = Readback::default();
+        textures.iter().for_each(|texture| readback.texture(self, &mut encoder, texture));
+        readback.read(self, encoder, what)
     }
 
-    fn refused(&self, what: &str, reason: &dyn std::fmt::Display) -> Error {
+    pub(crate) fn refused(&self, what: &str, reason: &dyn std::fmt::Display) -> Error {
         Error::Refused { adapter: self.adapter.name.clone(), what: what.to_owned(), reason: reason.to_string() }
     }
 }

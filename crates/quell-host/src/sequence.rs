@@ -1,7 +1,8 @@
 //! Frames of sequences: stages of [`quell::sequence`]'s filter on the GPU, for a program whose frames lie in memory.
 
-use super::device::{Gpu, now};
-use super::error::Error;
+use crate::device::{Gpu, now};
+use crate::error::Error;
+use crate::readback::Readback;
 use quell::Size;
 use quell::gpu::wgpu::{Buffer, BufferUsages, ErrorFilter};
 use quell::gpu::{self, SequenceShaders, SequenceStage, SequenceWavelet, SequenceWindow, WaveletBuffers};
@@ -15,12 +16,12 @@ use std::sync::{Arc, Mutex, PoisonError};
 pub struct SequenceAccelerator {
     gpu: Arc<Gpu>,
     shaders: Arc<SequenceShaders>,
-    told: Arc<Mutex<Told>>,
+    notes: Arc<Mutex<Notes>>,
 }
 
 /// What became of it, over all windows.
 #[derive(Debug, Default)]
-struct Told {
+struct Notes {
     /// Bytes on the device at most, and how they come about.
     bytes: u64,
     memory: Option<String>,
@@ -36,7 +37,7 @@ impl SequenceAccelerator {
     pub fn new(gpu: Arc<Gpu>) -> Result<Self, Error> {
         let shaders = Arc::new(SequenceShaders::new(gpu.device()));
         gpu.check("compiling the sequence filter")?;
-        Ok(Self { gpu, shaders, told: Arc::default() })
+        Ok(Self { gpu, shaders, notes: Arc::default() })
     }
 
     fn filter(&self, job: &mut WaveletJob<'_>) -> Result<(), Error> {
@@ -51,6 +52,7 @@ impl SequenceAccelerator {
         Ok(())
     }
 
+    /// Waits for each light: this runs where memory is short, and lights share their buffers.
     fn filter_light(
         &self,
         job: &mut WaveletJob<'_>,
@@ -73,12 +75,12 @@ impl SequenceAccelerator {
         };
         let mut encoder = gpu.encoder("quell host wavelet");
         let at = self.shaders.wavelet().encode(gpu.device(), &mut encoder, light, &buffers, band.size)?;
-        gpu.queue().submit([encoder.finish()]);
         let bytes = band.size.pixels() as u64 * COLOUR;
-        let filtered: Vec<(&Buffer, u64)> = planes.iter().map(|pair| (pair[at], bytes)).collect();
+        let mut readback = Readback::default();
+        planes.iter().for_each(|pair| readback.buffer(gpu, &mut encoder, pair[at], bytes));
         let row = band.size.width * COLOUR as usize;
         let kept = (core.start - band.rows.start) * row..(core.end - band.rows.start) * row;
-        for (plane, bytes) in gpu.read(&filtered, WHAT)?.iter().enumerate() {
+        for (plane, bytes) in readback.read(gpu, encoder, WHAT)?.iter().enumerate() {
             let kept = bytes.get(kept.clone()).unwrap_or_default();
             job.store(light.light, plane, core.clone(), kept).map_err(|reason| Error::Refused {
                 adapter: gpu.adapter().name.clone(),
@@ -101,13 +103,13 @@ impl Accelerator for SequenceAccelerator {
 
     fn window(&self) -> Option<Box<dyn AcceleratedWindow>> {
         let window = SequenceWindow::new(self.gpu.device(), Arc::clone(&self.shaders));
-        let (gpu, told) = (Arc::clone(&self.gpu), Arc::clone(&self.told));
-        Some(Box::new(Window { gpu, shaders: Arc::clone(&self.shaders), window, refuses: false, told }))
+        let (gpu, notes) = (Arc::clone(&self.gpu), Arc::clone(&self.notes));
+        Some(Box::new(Window { gpu, shaders: Arc::clone(&self.shaders), window, refuses: false, notes }))
     }
 
     fn notes(&self, all: bool) -> Vec<String> {
-        let told = self.told.lock().unwrap_or_else(PoisonError::into_inner);
-        told.memory.iter().filter(|_| all).chain(&told.refused).cloned().collect()
+        let notes = self.notes.lock().unwrap_or_else(PoisonError::into_inner);
+        notes.memory.iter().filter(|_| all).chain(&notes.refused).cloned().collect()
     }
 }
 
@@ -119,7 +121,7 @@ struct Window {
     window: SequenceWindow,
     /// It does not fit on the device.
     refuses: bool,
-    told: Arc<Mutex<Told>>,
+    notes: Arc<Mutex<Notes>>,
 }
 
 impl Window {
@@ -138,27 +140,33 @@ impl Window {
             return Ok(false);
         }
         let gpu = &self.gpu;
-        // A frame at a time: copies on their way take memory, too.
+        // A frame at a time: copies on their way take memory, too. The last is submitted with the stages.
+        let mut last = None;
         for place in 0..job.len() {
             let mut encoder = gpu.encoder("quell host window");
-            if self.window.upload(gpu.device(), &mut encoder, job, place)? {
-                gpu.run(encoder, WINDOW)?;
+            let any = self.window.upload(gpu.device(), &mut encoder, job, place)?;
+            if any && let Some(before) = last.replace(encoder) {
+                gpu.run(before, WINDOW)?;
             }
         }
-        let mut encoder = gpu.encoder("quell host window");
+        let mut encoder = last.unwrap_or_else(|| gpu.encoder("quell host window"));
         let estimated = self.window.encode(gpu.device(), &mut encoder, job, SequenceStage::Wavelet)?;
-        gpu.queue().submit([encoder.finish()]);
         let pixels = job.size().pixels() as u64;
-        let refused =
-            |reason: String| Error::Refused { adapter: gpu.adapter().name.clone(), what: WINDOW.to_owned(), reason };
-        let one = |buffer: &Buffer, bytes: u64| -> Result<Vec<u8>, Error> {
-            Ok(gpu.read(&[(buffer, bytes * pixels)], WINDOW)?.pop().unwrap_or_default())
-        };
-        for (light, plane, buffer) in estimated.planes {
-            job.store(light, plane, &one(buffer, COLOUR)?).map_err(refused)?;
+        let mut readback = Readback::default();
+        for (.., buffer) in &estimated.planes {
+            readback.buffer(gpu, &mut encoder, buffer, COLOUR * pixels);
         }
         if let Some(samples) = estimated.samples {
-            job.store_samples(&one(samples, 4)?).map_err(refused)?;
+            readback.buffer(gpu, &mut encoder, samples, NUMBER * pixels);
+        }
+        let contents = readback.read(gpu, encoder, WINDOW)?;
+        let refused =
+            |reason: String| Error::Refused { adapter: gpu.adapter().name.clone(), what: WINDOW.to_owned(), reason };
+        for ((light, plane, _), bytes) in estimated.planes.iter().zip(&contents) {
+            job.store(*light, *plane, bytes).map_err(refused)?;
+        }
+        if let Some(samples) = contents.get(estimated.planes.len()) {
+            job.store_samples(samples).map_err(refused)?;
         }
         Ok(true)
     }
@@ -185,22 +193,22 @@ impl Window {
     }
 
     fn refused(&self, why: String) {
-        let mut told = self.told.lock().unwrap_or_else(PoisonError::into_inner);
-        if !told.refused.contains(&why) {
-            told.refused.push(why);
+        let mut notes = self.notes.lock().unwrap_or_else(PoisonError::into_inner);
+        if !notes.refused.contains(&why) {
+            notes.refused.push(why);
         }
     }
 
     fn note_memory(&self, size: Size) {
-        let mut told = self.told.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut notes = self.notes.lock().unwrap_or_else(PoisonError::into_inner);
         let bytes = self.window.bytes();
-        if bytes <= told.bytes {
+        if bytes <= notes.bytes {
             return;
         }
         let (pixels, layers, frame) =
             (size.pixels() as u64, u64::from(self.window.layers()), self.window.frame_bytes());
-        told.bytes = bytes;
-        told.memory = Some(format!(
+        notes.bytes = bytes;
+        notes.memory = Some(format!(
             "memory on the device: {} MiB ({layers} frames of {} bytes a pixel, {} for the one at work)",
             mebibytes(bytes),
             frame / pixels.max(1),
@@ -222,8 +230,9 @@ fn mebibytes(bytes: u64) -> u64 {
 const WINDOW: &str = "the frames of a window";
 
 const WHAT: &str = "the wavelet of a frame";
-/// Bytes of a pixel of a colour, and of a mean with its variance.
+/// Bytes of a pixel of a colour, of one number, and of a mean with its variance.
 const COLOUR: u64 = 16;
+const NUMBER: u64 = 4;
 const COMPARED: u64 = 8;
 
 /// Some rows of a frame on the device.

@@ -1,7 +1,7 @@
 //! How many bytes a second a device moves: what floors of stages are reckoned with.
 
-use super::device::Gpu;
-use super::error::Error;
+use crate::device::Gpu;
+use crate::error::Error;
 use quell::gpu::wgpu::BufferUsages;
 use std::time::{Duration, Instant};
 

@@ -7,11 +7,11 @@ mod camera;
 mod runner;
 mod textures;
 
-use crate::gpu::gpu;
+use crate::gpu;
 use quell::gpu::{Contents, PackedFrame, PackedSignal, Storage, wgpu};
 use quell::{FrameBuf, Settings, Size};
-use quell_lab::gpu::manifest::{Choice, File, MANIFEST, files};
-use quell_lab::gpu::{Denoiser, Gpu};
+use quell_host::manifest::{Choice, File, MANIFEST, files};
+use quell_host::{Denoiser, Gpu};
 use quell_trace::{Control, RenderOptions, Tracer, builtin};
 use runner::{Input, Runner};
 use serde_json::json;

@@ -1,7 +1,7 @@
 //! Which adapters there are, and which one is meant.
 
-use super::device::now;
-use super::error::Error;
+use crate::device::now;
+use crate::error::Error;
 use quell::gpu::wgpu;
 use wgpu::DeviceType;
 

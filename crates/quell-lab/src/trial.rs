@@ -1,11 +1,11 @@
 //! Frames to try a host in another language with: what goes in, as bytes for its textures, and what the CPU makes of it
 //! (docs/shaders.md).
 
-use super::manifest::{Choice, File};
 use crate::error::Error;
 use quell::gpu::{GuidePlane, PackedFrame, PackedSignal, Program, Role, Slot};
 use quell::pipeline::{Image, Plan};
 use quell::{Backend, Camera, Denoiser, FrameBuf, Plane, Rgb};
+use quell_host::manifest::{Choice, File};
 use quell_trace::{Control, RenderOptions, Scene, Tracer};
 use serde_json::{Value, json};
 

@@ -1,8 +1,9 @@
 //! One tile of a frame on the device: a guest of its own, its textures, what comes back.
 
-use super::device::Gpu;
-use super::error::Error;
-use super::tiles::Piece;
+use crate::device::Gpu;
+use crate::error::Error;
+use crate::readback::Readback;
+use crate::tiles::Piece;
 use quell::gpu::{
     Frame, JointPlane, Output, PackedFrame, PackedGuides, PackedSignal, Storage, Texel, Tile, unpack_colours,
     unpack_fourth, unpack_numbers, wgpu,
@@ -32,9 +33,9 @@ impl std::fmt::Display for Name {
     }
 }
 
-/// What of a frame is not in a texture.
+/// What a frame has besides textures.
 #[derive(Clone, Debug)]
-pub(super) struct Told {
+pub(super) struct FrameInfo {
     pub(super) camera: Camera,
     pub(super) previous_camera: Camera,
     pub(super) index: i64,
@@ -47,7 +48,7 @@ pub(super) struct Told {
     pub(super) sanitised: quell::border::Sanitised,
 }
 
-impl Told {
+impl FrameInfo {
     pub(super) fn new(frame: &quell::Frame<'_>, packed: &PackedFrame) -> Self {
         let terms = |signal: &Option<PackedSignal>| signal.as_ref().map(|s| [s.weight.is_some(), s.direct.is_some()]);
         Self {
@@ -133,7 +134,7 @@ impl Part {
         &mut self,
         gpu: &Gpu,
         encoder: &mut wgpu::CommandEncoder,
-        told: &Told,
+        info: &FrameInfo,
     ) -> Result<Output, Error> {
         let plane = |name| self.planes.get(&Name::Plane(name));
         let (Some(geometry), Some(surface), Some(moving), Some(direct)) =
@@ -142,19 +143,19 @@ impl Part {
             return Err(Error::NoFrame);
         };
         let signal = |k: usize| {
-            let ([weight, noisy], names) = (told.signals[k]?, NAMES[k]);
+            let ([weight, noisy], names) = (info.signals[k]?, NAMES[k]);
             Some(quell::gpu::Signal {
                 light: plane(names[0])?,
                 weight: plane(names[1]).filter(|_| weight),
                 direct: plane(names[2]).filter(|_| noisy),
             })
         };
-        let joint = told.joint.iter().enumerate().filter_map(|(index, (name, signal))| {
+        let joint = info.joint.iter().enumerate().filter_map(|(index, (name, signal))| {
             let light = self.planes.get(&Name::Joint(index))?;
             Some(JointPlane { name, signal: *signal, light })
         });
         let joint: Vec<_> = joint.collect();
-        let Told { camera, previous_camera, index, has_roughness, has_glossy_hit, .. } = *told;
+        let FrameInfo { camera, previous_camera, index, has_roughness, has_glossy_hit, .. } = *info;
         let guides = PackedGuides { geometry, surface, moving, has_roughness, has_glossy_hit };
         let frame = Frame {
             direct: Some(direct),
@@ -169,16 +170,27 @@ impl Part {
         Ok(output)
     }
 
-    /// What it encoded, once that has run.
-    pub(super) fn read(&self, gpu: &Gpu, encoded: &Output, told: &Told) -> Result<Shown, Error> {
+    /// Appends copies of what it encoded, in the order in which [`Part::unpack`] takes them.
+    pub(super) fn copy_back(
+        &self,
+        gpu: &Gpu,
+        encoder: &mut wgpu::CommandEncoder,
+        encoded: &Output,
+        readback: &mut Readback,
+    ) {
+        textures(encoded).for_each(|texture| readback.texture(gpu, encoder, texture));
+    }
+
+    /// What it encoded, from the contents of its copies; takes as many as [`Part::copy_back`] made.
+    pub(super) fn unpack(
+        &self,
+        gpu: &Gpu,
+        encoded: &Output,
+        info: &FrameInfo,
+        contents: &mut impl Iterator<Item = Vec<u8>>,
+    ) -> Result<Shown, Error> {
         let (what, size) = ("reading a frame back", self.piece.size());
-        // Direct light is always given, and the sum asked for.
-        let named = [&encoded.composite, &encoded.direct, &encoded.matte, &encoded.glossy].map(Option::as_ref);
-        let state = encoded.confidence.iter().chain(&encoded.history_length);
-        let textures: Vec<&wgpu::Texture> =
-            named.into_iter().flatten().chain(state).chain(&encoded.joint).map(|v| v.texture()).collect();
-        let contents = gpu.read_textures(&textures, what)?;
-        let mut contents = textures.iter().map(|t| t.format()).zip(contents);
+        let mut contents = textures(encoded).map(|t| t.format()).zip(contents);
         let short = || Error::Refused {
             adapter: gpu.adapter().name.clone(),
             what: what.to_owned(),
@@ -197,12 +209,19 @@ impl Part {
         // Without a stage that remembers there are neither.
         let confidence = numbers(encoded.confidence.is_some(), 0.0, unpack_fourth)?;
         let history_length = numbers(encoded.history_length.is_some(), 1.0, lengths)?;
-        for (_, signal) in &told.joint {
+        for (_, signal) in &info.joint {
             let (format, texels) = contents.next().ok_or_else(short)?;
             signals[*signal as usize].push(unpack_colours(&texels, size, format).ok_or_else(short)?);
         }
         Ok(Shown { composite, direct, signals, confidence, history_length })
     }
+}
+
+/// What comes back of a frame: the sum and direct light, which are always there, then the others that are.
+fn textures(encoded: &Output) -> impl Iterator<Item = &wgpu::Texture> {
+    let named = [&encoded.composite, &encoded.direct, &encoded.matte, &encoded.glossy].map(Option::as_ref);
+    let state = encoded.confidence.iter().chain(&encoded.history_length);
+    named.into_iter().flatten().chain(state).chain(&encoded.joint).map(|view| view.texture())
 }
 
 type Unpack = fn(&[u8], Size, wgpu::TextureFormat) -> Option<Plane<f32>>;

@@ -72,14 +72,14 @@ pub fn files(choice: &Choice<'_>) -> Result<Vec<File>, quell::Error> {
 
 fn manifest(choice: &Choice<'_>, program: &Program) -> Value {
     let structs = layouts();
-    let mut told = vec!["Frame", "Settings", "SpiralTap"];
+    let mut used = vec!["Frame", "Settings", "SpiralTap"];
     let mut uniforms = vec![json!({ "name": "frame", "binding": 0, "struct": "Frame" })];
     let settings = SettingsUniforms::of(choice.settings, choice.size, choice.contents).bytes();
     let settings = values(&structs, "Settings", &settings);
     uniforms.push(json!({ "name": "settings", "binding": 1, "struct": "Settings", "values": settings }));
     for resource in &program.resources {
         let Holds::Uniform(of) = resource.holds else { continue };
-        told.push(of);
+        used.push(of);
         uniforms.push(prepare(choice, &structs, resource.slot.name(), of));
     }
     let named = |index: usize| program.resources.get(index).map(|r| r.slot.name());
@@ -90,7 +90,7 @@ fn manifest(choice: &Choice<'_>, program: &Program) -> Value {
         "size": { "width": choice.size.width, "height": choice.size.height },
         "storage": match program.storage { Storage::Half => "half", Storage::Float => "float" },
         "resources": program.resources.iter().filter(|r| r.role != Role::Uniform).map(|r| resource(choice, program, r)).collect::<Vec<_>>(),
-        "structs": reached(&structs, &told).into_iter().map(layout).collect::<Map<_, _>>(),
+        "structs": reached(&structs, &used).into_iter().map(layout).collect::<Map<_, _>>(),
         "uniforms": uniforms,
         "dispatches": program
             .dispatches
