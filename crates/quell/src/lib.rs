@@ -58,7 +58,10 @@ pub mod reference;
 pub mod report;
 pub mod sequence;
 pub mod settings;
+#[cfg(feature = "cpu")]
+mod simd;
 pub mod stages;
+pub mod window;
 
 pub use camera::{Camera, Projection};
 pub use denoiser::{Backend, Denoiser, Output, OutputBuf};

@@ -26,6 +26,7 @@ pub(crate) fn plane<T: Copy + Default + Send>(size: Size, f: impl Fn(usize, usiz
 }
 
 /// [`rows`] over two images at once: `f(y, row of a, row of b)`.
+#[cfg(feature = "cpu")]
 pub(crate) fn two_rows<A: Send, B: Send>(
     a: &mut [A],
     a_width: usize,

@@ -4,6 +4,48 @@
 use crate::frame::{Frame, Signal};
 use crate::settings::{Feedback, FireflyInput, Settings};
 
+/// How far from a pixel a stage looks.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Reach {
+    /// Pixels along an axis within the frame.
+    pub pixels: usize,
+    /// Frames before, and after where the filter knows them.
+    pub frames: u32,
+    /// Rows read around the place where motion leads in those frames.
+    pub footprint: usize,
+}
+
+impl Reach {
+    /// The pixel alone.
+    pub const NONE: Self = Self { pixels: 0, frames: 0, footprint: 0 };
+
+    /// Rows, where motion leads up or down by at most `moved` rows a frame, and by at most `farthest` in all.
+    pub(crate) fn rows(self, moved: f32, farthest: f32) -> usize {
+        let led = (moved * self.frames as f32).min(farthest).ceil() as usize;
+        self.pixels + if self.frames > 0 { led + self.footprint } else { 0 }
+    }
+}
+
+impl std::fmt::Display for Reach {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let plural = |n: usize| if n == 1 { "" } else { "s" };
+        match (self.pixels, self.frames as usize) {
+            (0, 0) => f.write_str("the pixel"),
+            (pixels, 0) => write!(f, "{pixels} pixel{}", plural(pixels)),
+            (0, frames) => write!(f, "{frames} frame{}", plural(frames)),
+            (pixels, frames) => write!(f, "{pixels} pixel{}, {frames} frame{}", plural(pixels), plural(frames)),
+        }
+    }
+}
+
+/// A line of a listing of stages: what one reads, writes, and how far it looks; `None`: it does not run.
+pub(crate) fn listing(name: &str, step: Option<(String, String, Reach)>) -> String {
+    match step {
+        Some((reads, writes, reach)) => format!("{name:<25} {reads} -> {writes} (reach: {reach})"),
+        None => format!("{name:<25} does not run"),
+    }
+}
+
 /// One stage of the pipeline.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum Stage {

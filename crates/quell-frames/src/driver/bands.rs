@@ -210,7 +210,7 @@ impl Part<'_> {
                     last.frames
                         .iter_mut()
                         .zip(&mut next.frames)
-                        .for_each(|(last, next)| last.0.followed_by(&mut next.0));
+                        .for_each(|(last, next)| last.0.followed_by(&mut next.0, quell::Backend::default()));
                 }
                 entries.insert(number, Entry::Kept(self.keep(number, last, &mut moved)?));
             }

@@ -9,6 +9,7 @@ pub(crate) mod guides;
 pub(crate) mod layout;
 mod passes;
 mod rows;
+pub(crate) mod sequence;
 pub(crate) mod traffic;
 
 use crate::border::{PlaneName, Sanitised};

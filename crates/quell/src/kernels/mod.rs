@@ -7,6 +7,9 @@ pub(crate) mod clip_cpu;
 pub mod edge;
 #[cfg(feature = "cpu")]
 pub(crate) mod edge_cpu;
+pub mod guide_distance;
+#[cfg(feature = "cpu")]
+pub(crate) mod guide_distance_cpu;
 pub mod math;
 pub mod mirror_image;
 #[cfg(feature = "cpu")]

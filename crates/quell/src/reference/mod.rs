@@ -1,6 +1,8 @@
 //! The back end that is the specification: it runs every stage's `reference.rs` on whole images, and allocates as it
 //! likes. The others must agree with it.
 
+pub(crate) mod sequence;
+
 use crate::border::{Guides, PlaneName, Sanitised, copy_colour};
 use crate::error::Error;
 use crate::frame::{Frame, Rgb, Signal};

@@ -3,17 +3,16 @@
 //! The filter itself opens no device and waits for none. It hands a stage to whoever was given to
 //! [`super::SequenceDenoiser::with_accelerator`], and takes what comes back.
 
-use super::energy::Class;
 use super::estimate::EstimateJob;
-use super::guides::Local;
-use super::member::{Member, Slot};
-use super::rows::Rows;
 use super::settings::Wavelet;
-use super::wavelet::{levels, tolerance};
 use crate::error::Error;
 use crate::frame::Rgb;
+use crate::kernels::guide_distance::Class;
 use crate::par;
 use crate::plane::Size;
+use crate::stages::feature_noise::LocalFeatures;
+use crate::stages::wavelet::{levels, reach_of, tolerance};
+use crate::window::{Features, LightSlot, PreparedFrame, Rows};
 use std::ops::Range;
 
 /// Runs stages of the filter in the place of this processor. Shared by all filters of a job.
@@ -84,15 +83,15 @@ pub struct WaveletLight {
 }
 
 impl WaveletLight {
-    /// What `member`'s light at that place among the lights of a job asks for.
-    pub(super) fn new(light: usize, slot: &Slot, member: &Member, s: &Wavelet) -> Self {
+    /// What `frame`'s light at that place among the lights of a job asks for.
+    pub(super) fn new(light: usize, slot: &LightSlot, frame: &PreparedFrame, s: &Wavelet) -> Self {
         let squared = |colours: bool, tolerance: f32| if colours { 0.5 / (tolerance * tolerance) } else { 0.0 };
         let class = Class::of(slot.kind);
         let (seen, coloured) = (class == Class::Seen, class == Class::Coloured);
         let k = tolerance(s, slot.kind);
         // The only kinds that a mirror shows.
-        let mirror = if Member::can_reflect(slot.kind) { s.mirror } else { k };
-        let [has_seen_colour, has_seen_normal] = member.guides.has_seen();
+        let mirror = if Features::can_reflect(slot.kind) { s.mirror } else { k };
+        let [has_seen_colour, has_seen_normal] = frame.features.has_seen;
         Self {
             light,
             planes: slot.planes,
@@ -102,7 +101,7 @@ impl WaveletLight {
             guide_noise: s.guide_noise,
             normal: s.normal,
             colour: if coloured {
-                squared(member.guides.albedo.is_some(), s.albedo)
+                squared(frame.features.albedo.is_some(), s.albedo)
             } else {
                 squared(seen && has_seen_colour, s.seen_albedo)
             },
@@ -135,9 +134,9 @@ pub(super) const MOST_COLOUR: f32 = 1e15;
 
 /// Stage 3 of one frame, or of a band of its rows.
 pub struct WaveletJob<'a> {
-    member: &'a Member,
-    local: &'a Local,
-    slots: &'a [Slot],
+    frame: &'a PreparedFrame,
+    local: &'a LocalFeatures,
+    slots: &'a [LightSlot],
     colours: &'a Rows,
     variance: &'a Rows,
     settings: &'a Wavelet,
@@ -154,9 +153,9 @@ impl std::fmt::Debug for WaveletJob<'_> {
 impl<'a> WaveletJob<'a> {
     /// Arguments as `wavelet::wavelet` takes them. Colours that shaders cannot be trusted with are an error.
     pub(super) fn new(
-        member: &'a Member,
-        local: &'a Local,
-        slots: &'a [Slot],
+        frame: &'a PreparedFrame,
+        local: &'a LocalFeatures,
+        slots: &'a [LightSlot],
         colours: &'a Rows,
         variance: &'a Rows,
         settings: &'a Wavelet,
@@ -165,34 +164,33 @@ impl<'a> WaveletJob<'a> {
         let within = |most: f32| move |v: &f32| v.abs() <= most;
         let (fits, fits_squared) = (within(MOST_COLOUR), within(MOST_COLOUR * MOST_COLOUR));
         if !colours.data().iter().all(fits) || !variance.data().iter().all(fits_squared) {
-            return Err(format!("frame {} holds colours beyond {MOST_COLOUR:e}; take --backend cpu", member.number));
+            return Err(format!("frame {} holds colours beyond {MOST_COLOUR:e}; take --backend cpu", frame.number));
         }
         let planes = [&local.slope[0], &local.slope[1], &local.inverse_depth, &local.depth_noise];
         if !planes.iter().all(|plane| plane.iter().all(fits)) {
             return Err(format!(
                 "frame {} holds depths below {:e}; take --backend cpu",
-                member.number,
+                frame.number,
                 1.0 / MOST_COLOUR
             ));
         }
-        Ok(Self { member, local, slots, colours, variance, settings, filtered: colours.clone() })
+        Ok(Self { frame, local, slots, colours, variance, settings, filtered: colours.clone() })
     }
 
     /// Extent of every plane.
     pub fn size(&self) -> Size {
-        self.member.size
+        self.frame.features.size
     }
 
     /// The lights that are to be filtered; the others stay as they are.
     pub fn lights(&self) -> Vec<WaveletLight> {
-        let asked = |(light, slot): (usize, &Slot)| WaveletLight::new(light, slot, self.member, self.settings);
+        let asked = |(light, slot): (usize, &LightSlot)| WaveletLight::new(light, slot, self.frame, self.settings);
         self.slots.iter().enumerate().map(asked).filter(|light| light.levels > 0).collect()
     }
 
     /// Rows above and below a band that decide what `levels` levels make of it.
     pub fn margin(levels: u32) -> usize {
-        // Each compares means over 3x3 pixels, and takes taps two steps away.
-        (0..levels).map(|level| 2 * (1usize << level) + 1).sum()
+        reach_of(levels).pixels
     }
 
     /// Some rows of a guide: for each pixel four f32, little-endian. Zeros where the frame has none.
@@ -204,7 +202,7 @@ impl<'a> WaveletJob<'a> {
             Guide::Geometry => [local.slope[0][i], local.slope[1][i], local.inverse_depth[i], local.depth_noise[i]],
             Guide::Normal => four(three(&local.normal, i), local.normal_noise[i]),
             Guide::Colour => four(three(&local.albedo, i), 0.0),
-            Guide::SeenColour => four(three(&local.seen_albedo, i), if self.member.specular(i) { 1.0 } else { 0.0 }),
+            Guide::SeenColour => four(three(&local.seen_albedo, i), if self.local.is_mirror(i) { 1.0 } else { 0.0 }),
             Guide::SeenNormal => four(three(&local.seen_normal, i), 0.0),
         })
     }

@@ -5,16 +5,15 @@
 //! asks for it before.
 
 use super::accelerator::{Guide, MOST_COLOUR, WaveletJob, WaveletLight};
-use super::accumulate::{Accumulated, accumulate, decay, lit, luminance};
-use super::energy::Class;
 use super::frame::LightKind;
-use super::member::{Member, Slot, Stored};
-use super::packed::Packed;
-use super::rows::Rows;
+use super::run::stages_of;
 use super::settings::{Gather, SequenceSettings, Variance};
-use super::variance::variance;
+use crate::denoiser::Backend;
+use crate::kernels::guide_distance::Class;
 use crate::par;
 use crate::plane::{Plane, Size};
+use crate::stages::gather::{self, Gathered, decay, lit};
+use crate::window::{Features, LightSlot, Packed, PreparedFrame, Rows, Samples};
 
 /// A plane of a frame of the window.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -79,6 +78,16 @@ pub enum Place {
     Unknown,
 }
 
+impl From<gather::Place> for Place {
+    fn from(place: gather::Place) -> Self {
+        match place {
+            gather::Place::Black => Self::Black,
+            gather::Place::At(_) => Self::At,
+            gather::Place::Unknown => Self::Unknown,
+        }
+    }
+}
+
 /// What is asked of one light.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
@@ -114,10 +123,10 @@ pub struct OnCpu {
 
 /// Stages 1 to 3 of one frame, or of a band of its rows.
 pub struct EstimateJob<'a> {
-    window: &'a [&'a Member],
+    window: &'a [&'a PreparedFrame],
     centre: usize,
     settings: &'a SequenceSettings,
-    slots: Vec<Slot>,
+    slots: Vec<LightSlot>,
     estimated: Rows,
     samples: Plane<f32>,
 }
@@ -129,15 +138,15 @@ impl std::fmt::Debug for EstimateJob<'_> {
 }
 
 impl<'a> EstimateJob<'a> {
-    pub(super) fn new(window: &'a [&'a Member], centre: usize, settings: &'a SequenceSettings) -> Self {
+    pub(super) fn new(window: &'a [&'a PreparedFrame], centre: usize, settings: &'a SequenceSettings) -> Self {
         let here = window[centre];
         let slots = lit(window, centre);
-        let mut estimated = Rows::new(here.size, 3 * slots.iter().map(|s| s.planes).sum::<usize>());
+        let mut estimated = Rows::new(here.features.size, 3 * slots.iter().map(|s| s.planes).sum::<usize>());
         // What has no noise comes out as it went in.
-        let (channels, w) = (estimated.channels(), here.size.width);
+        let (channels, w) = (estimated.channels(), here.features.size.width);
         par::rows(estimated.data_mut(), (channels * w).max(1), |y, row| {
             for slot in &slots {
-                let Stored::Own(own) = &here.stored[slot.light] else { continue };
+                let Samples::Own(own) = &here.stored[slot.light] else { continue };
                 for (k, plane) in own.iter().enumerate() {
                     for (x, value) in plane.row(y).iter().enumerate() {
                         for c in 0..3 {
@@ -147,7 +156,7 @@ impl<'a> EstimateJob<'a> {
                 }
             }
         });
-        let samples = Plane::filled(here.size, 1.0);
+        let samples = Plane::filled(here.features.size, 1.0);
         Self { window, centre, settings, slots, estimated, samples }
     }
 
@@ -157,18 +166,18 @@ impl<'a> EstimateJob<'a> {
         self.window.iter().find_map(|member| member.unfit)
     }
 
-    fn here(&self) -> &'a Member {
+    fn here(&self) -> &'a PreparedFrame {
         self.window[self.centre]
     }
 
     /// Extent of every plane.
     pub fn size(&self) -> Size {
-        self.here().size
+        self.here().features.size
     }
 
     /// Row of the picture at which the planes begin, and rows of the picture.
     pub fn rows(&self) -> (usize, usize) {
-        (self.here().first_row, self.here().picture_height)
+        (self.here().features.first_row, self.here().features.picture_height)
     }
 
     /// Frames in the window; at least 1.
@@ -204,7 +213,7 @@ impl<'a> EstimateJob<'a> {
 
     /// Which of [`FramePlane::SeenColour`] and [`FramePlane::SeenNormal`] stop the wavelet.
     pub fn has_seen(&self) -> [bool; 2] {
-        self.here().guides.has_seen()
+        self.here().features.has_seen
     }
 
     /// A frame of the window; the frame itself where there is no such place.
@@ -213,36 +222,32 @@ impl<'a> EstimateJob<'a> {
         let last = place + 1 == self.len();
         WindowFrame {
             number: member.number,
-            pixel_angle: member.guides.pixel_angle,
+            pixel_angle: member.features.pixel_angle,
             has_motion: [
-                member.motion_to_previous.is_some(),
-                member.motion_to_next.is_some() && !last,
-                member.reflection_to_previous.is_some(),
-                member.reflection_to_next.is_some() && !last,
+                member.features.motion.to_previous.is_some(),
+                member.features.motion.to_next.is_some() && !last,
+                member.features.motion.reflection_to_previous.is_some(),
+                member.features.motion.reflection_to_next.is_some() && !last,
             ],
-            has_seen: member.guides.seen.is_some(),
+            has_seen: member.features.seen.is_some(),
             repeats_noise: member.repeats_noise,
         }
     }
 
-    fn member(&self, place: usize) -> &'a Member {
+    fn member(&self, place: usize) -> &'a PreparedFrame {
         self.window.get(place).copied().unwrap_or(self.here())
     }
 
     /// What is asked of each light that has noise.
     pub fn lights(&self) -> Vec<GatheredLight> {
-        let asked = |(light, slot): (usize, &Slot)| {
-            let place = |m: &&Member| match m.stored[slot.light] {
-                Stored::Packed(_) => Place::At,
-                Stored::Black => Place::Black,
-                Stored::Own(_) | Stored::Gone => Place::Unknown,
-            };
+        let asked = |(light, slot): (usize, &LightSlot)| {
+            let place = |m: &&PreparedFrame| Place::from(gather::Place::of(m, slot.light));
             GatheredLight {
                 wavelet: WaveletLight::new(light, slot, self.here(), &self.settings.wavelet),
                 first: self.here().slots[slot.light].first,
                 decay: decay(&self.settings.gather, slot.kind),
                 seen: Class::of(slot.kind) == Class::Seen,
-                reflected: Member::can_reflect(slot.kind),
+                reflected: Features::can_reflect(slot.kind),
                 places: self.window.iter().map(place).collect(),
                 given: slot.kind == LightKind::Beauty && self.here().variance.is_some(),
             }
@@ -260,27 +265,29 @@ impl<'a> EstimateJob<'a> {
                 // Squares of distances stay finite.
                 let near = |v: f32| v.clamp(-MOST_COLOUR, MOST_COLOUR);
                 self.texels(align, bytes, |i, texel| {
-                    let s = &member.guides.surface[i];
+                    let s = &member.features.surface[i];
                     let [x, y, z] = s.position.map(near);
                     numbers(texel, [s.inverse_depth, x, y, z]);
                 })
             }
             FramePlane::Normal => self.texels(align, bytes, |i, texel| {
-                let [x, y, z] = member.guides.surface[i].normal;
-                numbers(texel, [x, y, z, if member.specular(i) { 1.0 } else { 0.0 }]);
+                let [x, y, z] = member.features.surface[i].normal;
+                numbers(texel, [x, y, z, if member.features.is_mirror(i) { 1.0 } else { 0.0 }]);
             }),
-            FramePlane::ToPrevious => self.motion(align, member.motion_to_previous.as_ref()),
-            FramePlane::ToNext => self.motion(align, member.motion_to_next.as_ref()),
-            FramePlane::ReflectionToPrevious => self.motion(align, member.reflection_to_previous.as_ref()),
-            FramePlane::ReflectionToNext => self.motion(align, member.reflection_to_next.as_ref()),
-            FramePlane::SeenColour => self.packed(align, member.guides.seen.as_ref().map(|seen| (seen, 0))),
-            FramePlane::SeenNormal => self.packed(align, member.guides.seen.as_ref().map(|seen| (seen, 1))),
+            FramePlane::ToPrevious => self.motion(align, member.features.motion.to_previous.as_ref()),
+            FramePlane::ToNext => self.motion(align, member.features.motion.to_next.as_ref()),
+            FramePlane::ReflectionToPrevious => {
+                self.motion(align, member.features.motion.reflection_to_previous.as_ref())
+            }
+            FramePlane::ReflectionToNext => self.motion(align, member.features.motion.reflection_to_next.as_ref()),
+            FramePlane::SeenColour => self.packed(align, member.features.seen.as_ref().map(|seen| (seen, 0))),
+            FramePlane::SeenNormal => self.packed(align, member.features.seen.as_ref().map(|seen| (seen, 1))),
             FramePlane::Samples(number) => {
                 let owner = member.slots.iter().find(|slot| (slot.first..slot.first + slot.planes).contains(&number));
                 self.packed(
                     align,
                     owner.and_then(|slot| match member.stored[slot.light] {
-                        Stored::Packed(first) => Some((&member.samples, first + number - slot.first)),
+                        Samples::Packed(first) => Some((&member.samples, first + number - slot.first)),
                         _ => None,
                     }),
                 )
@@ -320,7 +327,7 @@ impl<'a> EstimateJob<'a> {
     /// Colour of the surface, tone-mapped, which stops undivided light ([`Guide::Colour`]): four f32 a pixel, the last
     /// 0.
     pub fn albedo(&self) -> Vec<u8> {
-        let albedo = self.here().guides.albedo.as_ref();
+        let albedo = self.here().features.albedo.as_ref();
         self.texels(1, 16, |i, texel| {
             let [r, g, b] = albedo.map_or([0.0; 3], |albedo| albedo.at(0, i));
             numbers(texel, [r, g, b, 0.0]);
@@ -329,13 +336,10 @@ impl<'a> EstimateJob<'a> {
 
     /// Variance that the renderer gave of a light, in the light's units; -1 where it is unknown: one f32 a pixel.
     pub fn given(&self, light: usize) -> Vec<u8> {
-        let here = self.here();
-        let weights = self.slots.get(light).and_then(|slot| here.weights.get(slot.light)?.as_deref());
+        let given = self.slots.get(light).and_then(|slot| self.here().given_variance(slot));
         self.texels(1, 4, |i, texel| {
-            let given = here.variance.as_ref().map_or(-1.0, |given| given.data()[i]);
-            let weight = weights.map_or(1.0, |weight| luminance(weight.at(i))).max(1e-3);
-            let known = given.is_finite() && given >= 0.0;
-            numbers(texel, [if known { (given / (weight * weight)).min(MOST_COLOUR * MOST_COLOUR) } else { -1.0 }]);
+            let given = given.as_ref().map_or(f32::NAN, |given| given.data()[i]);
+            numbers(texel, [if given.is_nan() { -1.0 } else { given.min(MOST_COLOUR * MOST_COLOUR) }]);
         })
     }
 
@@ -372,19 +376,25 @@ impl<'a> EstimateJob<'a> {
         Ok(())
     }
 
-    pub(super) fn estimated(self) -> (Vec<Slot>, Rows, Plane<f32>) {
+    pub(super) fn estimated(self) -> (Vec<LightSlot>, Rows, Plane<f32>) {
         (self.slots, self.estimated, self.samples)
     }
 
     /// What this processor makes of the lights of [`EstimateJob::lights`] before stage 3, and of the guides (four f32 a
     /// pixel): for tests of agreement.
     pub fn on_cpu(&self) -> (Vec<OnCpu>, Vec<(Guide, Vec<u8>)>) {
-        let (here, s) = (self.here(), self.settings);
-        let accumulated = accumulate(self.window, self.centre, &s.gather);
-        let local = here.guides.local(here.size, here.seen_colour.as_ref());
-        let pooled = variance(here, &local, &accumulated, &s.variance, &s.wavelet);
-        let Accumulated { slots, colours, moments } = accumulated;
-        let (w, pixels) = (here.size.width, here.size.pixels());
+        self.on_backend(Backend::Cpu)
+    }
+
+    /// The same on a chosen back end.
+    pub fn on_backend(&self, backend: Backend) -> (Vec<OnCpu>, Vec<(Guide, Vec<u8>)>) {
+        let (here, s, stages) = (self.here(), self.settings, stages_of(backend));
+        let gathered = stages.gather(self.window, self.centre, &s.gather);
+        let local = stages.feature_noise(&here.features);
+        let given: Vec<_> = gathered.slots.iter().map(|slot| here.given_variance(slot)).collect();
+        let pooled = stages.variance(&local, &gathered, &given, &s.variance, &s.wavelet);
+        let Gathered { slots, colours, moments } = gathered;
+        let (w, pixels) = (here.features.size.width, here.features.size.pixels());
         let channel = |rows: &Rows, c: usize| (0..pixels).map(|i| rows.row(i / w, c)[i % w]).collect::<Vec<f32>>();
         let of = |light: &GatheredLight| {
             let l = light.wavelet.light;
@@ -402,7 +412,7 @@ impl<'a> EstimateJob<'a> {
         let lights = self.lights().iter().map(of).collect();
         let guides = [Guide::Geometry, Guide::Normal, Guide::SeenColour, Guide::SeenNormal];
         let guides = match WaveletJob::new(here, &local, &slots, &colours, &pooled, &s.wavelet) {
-            Ok(job) => guides.map(|guide| (guide, job.guide(guide, 0..here.size.height))).into(),
+            Ok(job) => guides.map(|guide| (guide, job.guide(guide, 0..here.features.size.height))).into(),
             Err(_) => Vec::new(),
         };
         (lights, guides)

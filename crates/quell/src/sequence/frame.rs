@@ -4,6 +4,7 @@
 //! more (transmission, volume, noisy direct light), and their guides are means over a pixel's samples. All planes have
 //! the frame's extent, row-major, origin top left, x right, y down.
 
+use crate::error::Error;
 use crate::frame::Rgb;
 use crate::plane::{Plane, Size};
 use std::sync::Arc;
@@ -127,4 +128,60 @@ impl SequenceFrame {
         }
         sum
     }
+
+    /// Every plane has the frame's extent, which is not empty.
+    pub(crate) fn check(&self) -> Result<(), Error> {
+        let expected = self.size;
+        if expected.width == 0 || expected.height == 0 {
+            return Err(Error::EmptySize { size: expected });
+        }
+        let same = |plane: &str, found: Option<Size>| match found {
+            Some(found) if found != expected => Err(Error::PlaneSize { plane: plane.to_owned(), expected, found }),
+            _ => Ok(()),
+        };
+        for light in &self.lights {
+            same(&light.name, Some(light.light.size()))?;
+            same(&format!("weight of {}", light.name), light.weight.as_deref().map(Plane::size))?;
+            for joint in &light.joint {
+                same(&format!("joint plane of {}", light.name), Some(joint.size()))?;
+            }
+        }
+        same("depth", self.depth.as_ref().map(Plane::size))?;
+        same("normal", self.normal.as_ref().map(Plane::size))?;
+        same("position", self.position.as_ref().map(Plane::size))?;
+        same("motion to previous", self.motion_to_previous.as_ref().map(Plane::size))?;
+        same("motion to next", self.motion_to_next.as_ref().map(Plane::size))?;
+        same("albedo", self.albedo.as_ref().map(Plane::size))?;
+        same("seen albedo", self.seen_albedo.as_ref().map(Plane::size))?;
+        same("seen normal", self.seen_normal.as_ref().map(Plane::size))?;
+        same("roughness", self.roughness.as_ref().map(Plane::size))?;
+        same("alpha", self.alpha.as_ref().map(Plane::size))?;
+        same("variance", self.variance.as_ref().map(Plane::size))
+    }
+}
+
+/// A filtered light: the light itself, then its joint planes, all without weight.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FilteredLight {
+    /// As many planes as the light and its joint planes.
+    pub planes: Vec<Plane<Rgb>>,
+    /// [`Light::weight`] as it came.
+    pub weight: Option<Arc<Plane<Rgb>>>,
+}
+
+/// A filtered frame. Planes have the frame's extent.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Filtered {
+    /// Frame number.
+    pub number: i64,
+    /// In the order of [`SequenceFrame::lights`].
+    pub lights: Vec<FilteredLight>,
+    /// Coverage, where the frame has it.
+    pub alpha: Option<Plane<f32>>,
+    /// Trust in the result, 0..1: 1 where many samples met.
+    pub confidence: Plane<f32>,
+    /// Samples (pixels of some frame) that the steadiest light's mean is worth before the filter over the image.
+    pub samples: Plane<f32>,
+    /// Colour samples of the input that were not finite and counted as 0.
+    pub repaired: usize,
 }

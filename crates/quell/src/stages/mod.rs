@@ -1,12 +1,24 @@
-//! The stages of the pipeline, one folder each. `mod.rs` is the contract; `reference.rs` the specification, scalar and
-//! obvious; `cpu.rs` the same function on rows for the fast back end.
+//! The stages of both filters, one folder each. `mod.rs` is the contract; `reference.rs` the specification, scalar and
+//! obvious; `cpu.rs` the same function on rows for the fast back end; `shader.wgsl` on the GPU.
+//!
+//! | filter | its stages, in order |
+//! |---|---|
+//! | real-time ([`crate::pipeline`]) | `matte_temporal`, `matte_prefilter`, `disocclusion`, `firefly`, `matte_bilateral`, `glossy_temporal`, `glossy_bilateral`, `direct_taa`, `composite` |
+//! | sequences ([`crate::sequence`]) | `reflection_motion`, `gather`, `feature_noise`, `variance`, `wavelet`, `recombine`, `stabilise` |
 
 pub mod composite;
 pub mod direct_taa;
 pub mod disocclusion;
+pub mod feature_noise;
 pub mod firefly;
+pub mod gather;
 pub mod glossy_bilateral;
 pub mod glossy_temporal;
 pub mod matte_bilateral;
 pub mod matte_prefilter;
 pub mod matte_temporal;
+pub mod recombine;
+pub mod reflection_motion;
+pub mod stabilise;
+pub mod variance;
+pub mod wavelet;

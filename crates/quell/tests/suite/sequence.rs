@@ -508,7 +508,7 @@ fn bands_have_the_bits_of_the_whole() {
     let mut prepared: Vec<PreparedFrame> = (0..7).map(|t| PreparedFrame::new(tall(t)).unwrap()).collect();
     for t in 1..7 {
         let (before, after) = prepared.split_at_mut(t);
-        before[t - 1].followed_by(&mut after[0]);
+        before[t - 1].followed_by(&mut after[0], quell::Backend::Cpu);
     }
     let moved = prepared.iter().flat_map(PreparedFrame::rows_moved).fold(0.0, f32::max);
     assert!((moved - 1.7).abs() < 1e-6, "{moved}");

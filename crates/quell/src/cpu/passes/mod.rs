@@ -7,4 +7,7 @@ pub(crate) mod disocclusion;
 pub(crate) mod firefly;
 pub(crate) mod glossy_bilateral;
 pub(crate) mod sparse_bilateral;
+pub(crate) mod stabilise;
 pub(crate) mod temporal;
+pub(crate) mod variance;
+pub(crate) mod wavelet;

@@ -1,34 +1,15 @@
-//! Motion of what mirrors and glass show: not the surface's own, and in no file. It is found by matching what is seen
-//! there (Cycles' `Denoising Albedo` and `Denoising Normal`, nearly free of noise) between two frames.
-//!
-//! Coarse to fine over a pyramid: at the coarsest level every offset near the surface's motion is tried, at finer ones
-//! what the level above found there and beside. Where nothing is to be told apart, the surface's own motion stays.
+//! Motion of what mirrors and glass show, matched on all threads.
 
-use super::member::Member;
+use super::{
+    COARSEST, DEPARTURE, LEAST_PATCH, LEAST_SHARE, MOST_DIFFERENCE, PATCH, ReflectionMotion, SEARCH, STAY,
+    SURFACE_BONUS,
+};
 use crate::par;
 use crate::plane::{Plane, Size};
+use crate::window::Features;
 
 /// Colour and normal that a pixel shows.
 type Seen = [f32; 6];
-
-/// Levels halve the picture until one side is shorter than twice this.
-const COARSEST: usize = 40;
-/// Offsets tried at the coarsest level, each way.
-const SEARCH: i32 = 3;
-/// Half the side of the compared patches.
-const PATCH: i32 = 3;
-/// The most that one pixel of a patch may differ by: edges of what is seen cover and uncover.
-const MOST_DIFFERENCE: f32 = 0.25;
-/// What a pixel of departure from the surface's motion costs, squared, at the level where it is taken.
-const DEPARTURE: f32 = 2e-5;
-/// Another motion than the surface's must be better by this factor.
-const SURFACE_BONUS: f32 = 0.7;
-/// Another offset than the one found at the level above, likewise.
-const STAY: f32 = 0.95;
-/// Pixels of mirror that a patch must hold: what is thin tells nothing.
-const LEAST_PATCH: usize = 30;
-/// Share of mirror in a coarse pixel from which it takes part.
-const LEAST_SHARE: f32 = 0.5;
 
 /// One level of the pyramid.
 struct Level {
@@ -39,10 +20,10 @@ struct Level {
 }
 
 impl Level {
-    fn finest(member: &Member) -> Option<Self> {
-        let (seen, specular) = (member.guides.seen.as_ref()?, member.seen_colour.as_ref()?);
-        let size = member.size;
-        let share = |i: usize| if specular.at(0, i) == [1.0; 3] { 0.0 } else { 1.0 };
+    fn finest(features: &Features) -> Option<Self> {
+        let (seen, colour) = (features.seen.as_ref()?, features.mirror_colour.as_ref()?);
+        let size = features.size;
+        let share = |i: usize| if colour.at(0, i) == [1.0; 3] { 0.0 } else { 1.0 };
         let share: Vec<f32> = (0..size.pixels()).map(share).collect();
         let seen = |i: usize| {
             let ([r, g, b], [x, y, z]) = (seen.at(0, i), seen.at(1, i));
@@ -92,12 +73,14 @@ fn pyramid(finest: Level) -> Vec<Level> {
     levels
 }
 
-/// Sets the motion of reflections between two neighbouring frames, both ways.
-pub(super) fn follow_reflections(previous: &mut Member, next: &mut Member) {
-    let (Some(a), Some(b)) = (Level::finest(previous), Level::finest(next)) else { return };
-    let (a, b) = (pyramid(a), pyramid(b));
-    next.reflection_to_previous = next.motion_to_previous.as_ref().map(|m| follow(&b, &a, m.clone()));
-    previous.reflection_to_next = previous.motion_to_next.as_ref().map(|m| follow(&a, &b, m.clone()));
+/// Motion of reflections from `next` to `previous`, and back; each `None` where the surface's is unknown. `None`: one
+/// of the frames has no mirror.
+pub(crate) fn run(previous: &Features, next: &Features) -> Option<ReflectionMotion> {
+    let (a, b) = (pyramid(Level::finest(previous)?), pyramid(Level::finest(next)?));
+    Some(ReflectionMotion {
+        to_previous: next.motion.to_previous.as_ref().map(|m| follow(&b, &a, m.clone())),
+        to_next: previous.motion.to_next.as_ref().map(|m| follow(&a, &b, m.clone())),
+    })
 }
 
 /// Replaces `motion` from `here` to `there` at mirrors and glass.

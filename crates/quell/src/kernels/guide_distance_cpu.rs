@@ -1,51 +1,12 @@
-//! How unlike two pixels' guides are, as the exponent of a weight; whole rows at once.
-//!
-//! A weight is exp(-energy), taken as (1 - energy / 16)^16 where that is positive: four multiplications, the same bits
-//! on every machine, and nothing beyond an energy of 16.
+//! Guide distances of whole rows at once: the fast twin of [`super::guide_distance`].
 
-use super::frame::LightKind;
-use super::guides::Local;
-use super::settings::Wavelet;
-
-/// Which guides a light believes.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Class {
-    /// Depth and normal.
-    Surface,
-    /// These, and what is seen in mirrors and through glass.
-    Seen,
-    /// These, and the surface's colour: the light could not be divided by it.
-    Coloured,
-    /// None: media have no surface.
-    Free,
-}
-
-impl Class {
-    pub(super) const ALL: [Self; 4] = [Self::Surface, Self::Seen, Self::Coloured, Self::Free];
-
-    pub(super) fn of(kind: LightKind) -> Self {
-        match kind {
-            LightKind::GlossyDirect | LightKind::GlossyIndirect | LightKind::Transmission => Self::Seen,
-            LightKind::Beauty => Self::Coloured,
-            LightKind::Volume => Self::Free,
-            LightKind::MatteDirect | LightKind::MatteIndirect | LightKind::Steady => Self::Surface,
-        }
-    }
-}
-
-/// exp(-energy), nearly.
-#[inline(always)]
-pub(super) fn weight(energy: f32) -> f32 {
-    let mut b = (1.0 - energy * (1.0 / 16.0)).max(0.0);
-    b *= b;
-    b *= b;
-    b *= b;
-    b * b
-}
+use super::guide_distance::{APART, DEPTH_REACH, LEAST_TOLERANCE, SLOPE_ERROR};
+use crate::sequence::settings::Wavelet;
+use crate::stages::feature_noise::LocalFeatures;
 
 /// One tap of a kernel, seen from the rows of its centres.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Offset {
+pub(crate) struct Offset {
     pub y: usize,
     /// Row of the taps.
     pub qy: usize,
@@ -59,7 +20,7 @@ pub(super) struct Offset {
 
 impl Offset {
     /// `None` where no tap lies in the image.
-    pub(super) fn new(w: usize, h: usize, y: usize, dx: isize, dy: isize) -> Option<Self> {
+    pub(crate) fn new(w: usize, h: usize, y: usize, dx: isize, dy: isize) -> Option<Self> {
         let qy = y as isize + dy;
         let from = (-dx).max(0) as usize;
         let to = (w as isize - dx.max(0)).max(0) as usize;
@@ -68,13 +29,13 @@ impl Offset {
 
     /// The centres' part of a row.
     #[inline(always)]
-    pub(super) fn centres<'a>(&self, row: &'a [f32]) -> &'a [f32] {
+    pub(crate) fn centres<'a>(&self, row: &'a [f32]) -> &'a [f32] {
         &row[self.from..self.to]
     }
 
     /// The taps' part of a row.
     #[inline(always)]
-    pub(super) fn taps<'a>(&self, row: &'a [f32]) -> &'a [f32] {
+    pub(crate) fn taps<'a>(&self, row: &'a [f32]) -> &'a [f32] {
         &row[(self.from as isize + self.dx) as usize..][..self.to - self.from]
     }
 }
@@ -83,16 +44,16 @@ fn row(plane: &[f32], w: usize, y: usize) -> &[f32] {
     &plane[y * w..][..w]
 }
 
-/// The depth tolerance grows with the tap's distance: its part at the centre, and that of every pixel further out.
-const REACH: [f32; 2] = [0.3, 0.1];
-/// Part of the slope's own prediction by which it may be wrong: surfaces bend.
-const SLOPE_ERROR: f32 = 0.2;
-/// Energy between surface and background: no weight is left.
-const APART: f32 = 1e9;
-
-/// Energies of one tap for a row of centres, for the classes that are wanted.
+/// Guide distances of one tap for a row of centres, for the classes that are wanted.
 #[inline(always)]
-pub(super) fn energies(local: &Local, w: usize, o: &Offset, s: &Wavelet, wanted: [bool; 4], out: &mut [Vec<f32>; 4]) {
+pub(crate) fn guide_distances(
+    local: &LocalFeatures,
+    w: usize,
+    o: &Offset,
+    s: &Wavelet,
+    wanted: [bool; 4],
+    out: &mut [Vec<f32>; 4],
+) {
     let [surface, seen, coloured, free] = out;
     let n = o.to - o.from;
     let distance = ((o.dx * o.dx + o.dy * o.dy) as f32).sqrt();
@@ -107,11 +68,11 @@ pub(super) fn energies(local: &Local, w: usize, o: &Offset, s: &Wavelet, wanted:
         let nq = [0, 1, 2].map(|c| o.taps(row(&local.normal[c], w, o.qy)));
         let rough = o.centres(row(&local.normal_noise, w, o.y));
         let surface = &mut surface[..n];
-        let reach = s.depth * (REACH[0] + REACH[1] * distance);
+        let reach = s.depth * (DEPTH_REACH[0] + DEPTH_REACH[1] * distance);
         for i in 0..n {
             let along = sx[i] * dx + sy[i] * dy;
             let miss = iz_q[i] - iz_p[i] - along;
-            let tolerance = iz_p[i] * (reach + s.guide_noise * noise[i]) + SLOPE_ERROR * along.abs() + 1e-20;
+            let tolerance = iz_p[i] * (reach + s.guide_noise * noise[i]) + SLOPE_ERROR * along.abs() + LEAST_TOLERANCE;
             let r = miss / tolerance;
             let both = (iz_p[i] > 0.0) == (iz_q[i] > 0.0);
             let cosine = np[0][i] * nq[0][i] + np[1][i] * nq[1][i] + np[2][i] * nq[2][i];

@@ -1,13 +1,15 @@
 //! Where a pixel's surface lies in the other frames of the window, and which of their pixels show it.
 
-use super::guides::Surface;
-use super::member::Member;
-use super::settings::Gather;
-use crate::plane::Plane;
+use super::{
+    LEAST_SHARE, MOVING_DEPTH, MOVING_NORMAL, MOVING_WEIGHT, PLANE_NORMAL, ROUND_TRIP_SHARE, SAME_NOISE,
+    STANDING_NORMAL, STANDING_REACH,
+};
+use crate::sequence::settings::Gather;
+use crate::window::{PreparedFrame, SurfacePoint};
 
 /// A pixel of another frame that shows the surface, with its weight.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Tap {
+pub(crate) struct Tap {
     /// Place of the frame in the window.
     pub frame: u32,
     /// Frames between.
@@ -18,26 +20,9 @@ pub(super) struct Tap {
     pub weight: f32,
 }
 
-/// Weight of a sample that was matched by its motion alone.
-const MOVING_WEIGHT: f32 = 0.7;
-/// Least cosine between normals of one surface now and then: standing, and turning.
-const STANDING_NORMAL: f32 = 0.6;
-const MOVING_NORMAL: f32 = 0.7;
-/// Pixels within which a point of the same plane is the same surface, whatever its normal; beyond, normals must agree.
-const STANDING_REACH: f32 = 6.0;
-const PLANE_NORMAL: f32 = 0.9;
-/// Part of a motion's length by which the way there and back may miss, beside `gather.round_trip`.
-const ROUND_TRIP_SHARE: f32 = 0.05;
-/// Most relative change of depth a frame of a surface that moves.
-const MOVING_DEPTH: f32 = 0.1;
-/// Taps with less of the bilinear weight are left out.
-const LEAST_SHARE: f32 = 0.01;
-/// Noise that repeats (one seed for all frames) sticks to the pixel: nearer than this it is the same noise.
-const SAME_NOISE: f32 = 0.75;
-
 /// All taps of pixel `index` of `window[centre]`, itself first.
-pub(super) fn taps(
-    window: &[&Member],
+pub(crate) fn taps(
+    window: &[&PreparedFrame],
     centre: usize,
     index: usize,
     reflected: bool,
@@ -53,7 +38,7 @@ pub(super) fn taps(
 }
 
 fn follow(
-    window: &[&Member],
+    window: &[&PreparedFrame],
     centre: usize,
     index: usize,
     forward: bool,
@@ -63,17 +48,17 @@ fn follow(
 ) {
     let here = window[centre];
     // A band counts rows as the whole picture does: sums of floats are the same.
-    let (w, h) = (here.size.width, here.picture_height);
+    let (w, h) = (here.features.size.width, here.features.picture_height);
     let farthest = gather.travel * h as f32;
     let steps = if forward { window.len() - 1 - centre } else { centre }.min(gather.frames as usize);
-    let origin = ((index % w) as f32, (here.first_row + index / w) as f32);
+    let origin = ((index % w) as f32, (here.features.first_row + index / w) as f32);
     let mut at = origin;
     let mut nearest = index;
-    let mut tracked: Surface = window[centre].guides.surface[index];
+    let mut tracked: SurfacePoint = here.features.surface[index];
     for k in 1..=steps {
         let (from, to) = if forward { (centre + k - 1, centre + k) } else { (centre + 1 - k, centre - k) };
         let (from, member) = (window[from], window[to]);
-        let way = motion(from, forward, reflected);
+        let way = from.features.motion.get(forward, reflected);
         let Some(way) = way else { return };
         let m = way.data()[nearest];
         at = (at.0 + m[0], at.1 + m[1]);
@@ -87,11 +72,11 @@ fn follow(
         let repeated = (from.repeats_noise || member.repeats_noise)
             && (at.0 - origin.0).abs() < SAME_NOISE
             && (at.1 - origin.1).abs() < SAME_NOISE;
-        let back = motion(member, !forward, reflected);
+        let back = member.features.motion.get(!forward, reflected);
         let (left, top) = (at.0.floor(), at.1.floor());
         let (tx, ty) = (at.0 - left, at.1 - top);
         let pixel_size =
-            if tracked.inverse_depth > 0.0 { member.guides.pixel_angle / tracked.inverse_depth } else { 0.0 };
+            if tracked.inverse_depth > 0.0 { member.features.pixel_angle / tracked.inverse_depth } else { 0.0 };
         let mut best = (0.0f32, 0usize);
         for (dx, dy, share) in
             [(0, 0, (1.0 - tx) * (1.0 - ty)), (1, 0, tx * (1.0 - ty)), (0, 1, (1.0 - tx) * ty), (1, 1, tx * ty)]
@@ -100,10 +85,10 @@ fn follow(
             if share < LEAST_SHARE || qx < 0 || qx >= w as isize {
                 continue;
             }
-            let Some(row) = member.row_here(qy) else { continue };
+            let Some(row) = member.features.row_here(qy) else { continue };
             let q = row * w + qx as usize;
             let round_trip = back.as_ref().map(|b| b.data()[q]).map(|r| [m[0] + r[0], m[1] + r[1]]);
-            let Some(trust) = same_surface(&member.guides.surface[q], &tracked, pixel_size, m, round_trip, gather)
+            let Some(trust) = same_surface(&member.features.surface[q], &tracked, pixel_size, m, round_trip, gather)
             else {
                 continue;
             };
@@ -118,7 +103,7 @@ fn follow(
             return;
         }
         nearest = best.1;
-        let s = member.guides.surface[nearest];
+        let s = member.features.surface[nearest];
         // A surface that moves carries its reference along; one that stands keeps the first, so that errors do not add.
         if !(pixel_size > 0.0 && off_plane(&s, &tracked) < gather.plane_distance * pixel_size) {
             tracked = s;
@@ -126,17 +111,7 @@ fn follow(
     }
 }
 
-/// Motion of a frame's surfaces, or of what mirrors and glass show.
-pub(super) fn motion(member: &Member, forward: bool, reflected: bool) -> Option<&Plane<[f32; 2]>> {
-    let (surface, reflection) = if forward {
-        (&member.motion_to_next, &member.reflection_to_next)
-    } else {
-        (&member.motion_to_previous, &member.reflection_to_previous)
-    };
-    if reflected { reflection.as_ref().or(surface.as_ref()) } else { surface.as_ref() }
-}
-
-fn difference(a: &Surface, b: &Surface) -> [f32; 3] {
+fn difference(a: &SurfacePoint, b: &SurfacePoint) -> [f32; 3] {
     [0, 1, 2].map(|c| a.position[c] - b.position[c])
 }
 
@@ -145,14 +120,14 @@ fn dot(a: [f32; 3], b: [f32; 3]) -> f32 {
 }
 
 /// Distance of `s` from the tangent plane of `reference`.
-fn off_plane(s: &Surface, reference: &Surface) -> f32 {
+fn off_plane(s: &SurfacePoint, reference: &SurfacePoint) -> f32 {
     dot(difference(s, reference), reference.normal).abs()
 }
 
 /// How far a pixel of another frame is believed to show the tracked surface; `None`: it shows another.
 fn same_surface(
-    s: &Surface,
-    tracked: &Surface,
+    s: &SurfacePoint,
+    tracked: &SurfacePoint,
     pixel_size: f32,
     motion: [f32; 2],
     round_trip: Option<[f32; 2]>,

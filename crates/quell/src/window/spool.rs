@@ -3,19 +3,17 @@
 //! A job that does not fit in memory is filtered in bands of rows. What a frame decides as a whole (the size of a pixel,
 //! whether there is fog) was decided before, so a band of it is filtered to the same bits as the whole.
 
-use super::denoiser::PreparedFrame;
-use super::guides::Surface;
-use super::member::{Member, Stored};
+use super::features::SurfacePoint;
 use super::packed::{Packed, Weight};
+use super::prepared::{PreparedFrame, Samples};
 use crate::plane::{Plane, Size};
 use std::io::{self, Read, Seek, SeekFrom, Write};
 use std::ops::Range;
 use std::sync::Arc;
 
-/// What stays in memory of a frame whose planes were written elsewhere.
+/// What stays in memory of a frame whose planes were written out.
 pub struct SpooledFrame {
-    member: Member,
-    repaired: usize,
+    frame: PreparedFrame,
     bytes: u64,
 }
 
@@ -24,24 +22,23 @@ impl PreparedFrame {
     ///
     /// # Errors
     /// What `to` answers.
-    pub fn spool(self, to: &mut dyn Write) -> io::Result<SpooledFrame> {
-        let Self { mut member, repaired } = self;
+    pub fn spool(mut self, to: &mut dyn Write) -> io::Result<SpooledFrame> {
         let mut writer = Writer { to, bytes: 0, buffer: Vec::new() };
-        visit(&mut member, &mut writer)?;
+        visit(&mut self, &mut writer)?;
         let bytes = writer.bytes;
-        Ok(SpooledFrame { member, repaired, bytes })
+        Ok(SpooledFrame { frame: self, bytes })
     }
 }
 
 impl SpooledFrame {
     /// Frame number.
     pub fn number(&self) -> i64 {
-        self.member.number
+        self.frame.number
     }
 
     /// Extent of the whole frame.
     pub fn size(&self) -> Size {
-        self.member.size
+        self.frame.features.size
     }
 
     /// Bytes that were written.
@@ -55,26 +52,26 @@ impl SpooledFrame {
     /// # Errors
     /// What `from` answers.
     pub fn rows(&self, from: &mut (impl Read + Seek), rows: Range<usize>) -> io::Result<PreparedFrame> {
-        let mut member = self.member.clone();
-        let size = member.size;
+        let mut frame = self.frame.clone();
+        let size = self.size();
         let to = rows.end.min(size.height);
         let rows = rows.start.min(to)..to;
         let mut reader = Reader { from, size, rows: rows.clone(), at: 0, buffer: Vec::new() };
-        visit(&mut member, &mut reader)?;
-        member.size = Size::new(size.width, rows.len());
-        member.first_row = rows.start;
-        Ok(PreparedFrame { member, repaired: self.repaired })
+        visit(&mut frame, &mut reader)?;
+        frame.features.size = Size::new(size.width, rows.len());
+        frame.features.first_row = rows.start;
+        Ok(frame)
     }
 }
 
 impl std::fmt::Debug for SpooledFrame {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("SpooledFrame").field("number", &self.member.number).finish_non_exhaustive()
+        f.debug_struct("SpooledFrame").field("number", &self.frame.number).finish_non_exhaustive()
     }
 }
 
 /// Something of fixed length in bytes.
-pub(super) trait Element: Copy {
+pub(crate) trait Element: Copy {
     const BYTES: usize;
     fn put(self, bytes: &mut Vec<u8>);
     fn get(bytes: &[u8]) -> Self;
@@ -110,7 +107,7 @@ impl<T: Element, const N: usize> Element for [T; N] {
     }
 }
 
-impl Element for Surface {
+impl Element for SurfacePoint {
     const BYTES: usize = 28;
     fn put(self, bytes: &mut Vec<u8>) {
         self.inverse_depth.put(bytes);
@@ -133,18 +130,17 @@ trait Visitor {
     fn kept(&self) -> Option<Range<usize>>;
 }
 
-/// All planes of a member, in one order.
-fn visit(member: &mut Member, v: &mut impl Visitor) -> io::Result<()> {
-    packed(&mut member.samples, v)?;
-    let mut weights: Vec<Option<Arc<Weight>>> = Vec::with_capacity(member.weights.len());
-    for (i, weight) in member.weights.iter().enumerate() {
+/// All planes of a frame, in one order.
+fn visit(frame: &mut PreparedFrame, v: &mut impl Visitor) -> io::Result<()> {
+    packed(&mut frame.samples, v)?;
+    let mut weights: Vec<Option<Arc<Weight>>> = Vec::with_capacity(frame.weights.len());
+    for (i, weight) in frame.weights.iter().enumerate() {
         let Some(weight) = weight else {
             weights.push(None);
             continue;
         };
         // Lights of one surface share it.
-        let shared =
-            member.weights[..i].iter().position(|other| other.as_ref().is_some_and(|o| Arc::ptr_eq(o, weight)));
+        let shared = frame.weights[..i].iter().position(|other| other.as_ref().is_some_and(|o| Arc::ptr_eq(o, weight)));
         weights.push(match shared.and_then(|at| weights[at].clone()) {
             Some(shared) => Some(shared),
             None => Some(Arc::new(match weight.as_ref() {
@@ -161,26 +157,22 @@ fn visit(member: &mut Member, v: &mut impl Visitor) -> io::Result<()> {
             })),
         });
     }
-    member.weights = weights;
-    for stored in &mut member.stored {
-        if let Stored::Own(planes) = stored {
+    frame.weights = weights;
+    for stored in &mut frame.stored {
+        if let Samples::Own(planes) = stored {
             planes.iter_mut().try_for_each(|own| plane(own, v))?;
         }
     }
-    let guides = &mut member.guides;
-    v.elements(&mut guides.surface, 1)?;
-    for image in [&mut member.seen_colour, &mut guides.seen, &mut guides.seen_around, &mut guides.albedo] {
+    let features = &mut frame.features;
+    v.elements(&mut features.surface, 1)?;
+    for image in [&mut features.mirror_colour, &mut features.seen, &mut features.seen_around, &mut features.albedo] {
         image.as_mut().map_or(Ok(()), |image| packed(image, v))?;
     }
-    for motion in [
-        &mut member.motion_to_previous,
-        &mut member.motion_to_next,
-        &mut member.reflection_to_previous,
-        &mut member.reflection_to_next,
-    ] {
+    let m = &mut features.motion;
+    for motion in [&mut m.to_previous, &mut m.to_next, &mut m.reflection_to_previous, &mut m.reflection_to_next] {
         motion.as_mut().map_or(Ok(()), |motion| plane(motion, v))?;
     }
-    for values in [&mut member.alpha, &mut member.variance] {
+    for values in [&mut frame.alpha, &mut frame.variance] {
         values.as_mut().map_or(Ok(()), |values| plane(values, v))?;
     }
     Ok(())

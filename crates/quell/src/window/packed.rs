@@ -15,7 +15,7 @@ const LARGEST: f32 = 65504.0;
 
 /// Half precision, rounded to nearest, ties to even. Finite values up to 65504 only.
 #[inline(always)]
-pub(super) fn to_half(value: f32) -> u16 {
+pub(crate) fn to_half(value: f32) -> u16 {
     let bits = value.to_bits();
     let sign = (bits >> 16) as u16 & 0x8000;
     let magnitude = bits & 0x7fff_ffff;
@@ -28,7 +28,7 @@ pub(super) fn to_half(value: f32) -> u16 {
 
 /// The value of a finite half.
 #[inline(always)]
-pub(super) fn from_half(half: u16) -> f32 {
+pub(crate) fn from_half(half: u16) -> f32 {
     let magnitude = u32::from(half & 0x7fff);
     let small = magnitude as f32 * (1.0 / (1u32 << 24) as f32);
     let normal = f32::from_bits((magnitude << 13).wrapping_add(112 << 23));
@@ -41,8 +41,8 @@ fn fits(value: f32) -> bool {
 }
 
 /// Some colours a pixel, pixel by pixel: a tap reads one run of memory.
-#[derive(Clone, Default)]
-pub(super) struct Packed {
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Packed {
     pub planes: usize,
     pub data: Vec<[u16; 3]>,
     /// Places in `data` of colours that half precision does not hold, ascending, and these colours.
@@ -51,7 +51,7 @@ pub(super) struct Packed {
 
 impl Packed {
     /// `value(plane, pixel)` must be finite.
-    pub(super) fn new(size: Size, planes: usize, value: impl Fn(usize, usize) -> Rgb + Sync) -> Self {
+    pub(crate) fn new(size: Size, planes: usize, value: impl Fn(usize, usize) -> Rgb + Sync) -> Self {
         let width = size.width * planes;
         let mut data = vec![[0u16; 3]; size.pixels() * planes];
         if planes > 0 {
@@ -71,7 +71,7 @@ impl Packed {
 
     /// Colour `plane` of a pixel.
     #[inline(always)]
-    pub(super) fn at(&self, plane: usize, pixel: usize) -> Rgb {
+    pub(crate) fn at(&self, plane: usize, pixel: usize) -> Rgb {
         let place = pixel * self.planes + plane;
         let c = self.data[place];
         if c[0] == BEYOND { self.kept(place) } else { c.map(from_half) }
@@ -84,13 +84,13 @@ impl Packed {
 }
 
 /// What multiplies a light back: in half precision where that loses nothing, else as it came.
-pub(super) enum Weight {
+pub(crate) enum Weight {
     Half(Vec<[u16; 3]>),
     Full(Plane<Rgb>),
 }
 
 impl Weight {
-    pub(super) fn new(plane: &Plane<Rgb>) -> Self {
+    pub(crate) fn new(plane: &Plane<Rgb>) -> Self {
         let exact = |v: f32| fits(v) && from_half(to_half(v)).to_bits() == v.to_bits();
         if plane.data().iter().flatten().all(|v| exact(*v)) {
             Self::Half(plane.data().iter().map(|c| c.map(to_half)).collect())
@@ -100,7 +100,7 @@ impl Weight {
     }
 
     #[inline(always)]
-    pub(super) fn at(&self, pixel: usize) -> Rgb {
+    pub(crate) fn at(&self, pixel: usize) -> Rgb {
         match self {
             Self::Half(data) => data[pixel].map(from_half),
             Self::Full(plane) => plane.data()[pixel],
@@ -108,7 +108,7 @@ impl Weight {
     }
 
     /// As it came.
-    pub(super) fn plane(&self, size: Size) -> Plane<Rgb> {
+    pub(crate) fn plane(&self, size: Size) -> Plane<Rgb> {
         par::plane(size, |x, y| self.at(y * size.width + x))
     }
 }

@@ -4,18 +4,14 @@
 /// bits on every machine.
 macro_rules! widest {
     ($call:expr) => {{
-        #[cfg(feature = "cpu")]
-        fearless_simd::dispatch!(crate::sequence::simd::level(), _simd => $call);
-        #[cfg(not(feature = "cpu"))]
-        $call;
+        fearless_simd::dispatch!(crate::simd::level(), _simd => $call);
     }};
 }
 
-pub(super) use widest;
+pub(crate) use widest;
 
 /// The machine's widest, or in tests the one asked for.
-#[cfg(feature = "cpu")]
-pub(super) fn level() -> fearless_simd::Level {
+pub(crate) fn level() -> fearless_simd::Level {
     #[cfg(test)]
     if let Some(level) = tests::LEVEL.lock().ok().and_then(|level| *level) {
         return level;
@@ -23,7 +19,7 @@ pub(super) fn level() -> fearless_simd::Level {
     fearless_simd::Level::new()
 }
 
-#[cfg(all(test, feature = "cpu"))]
+#[cfg(test)]
 mod tests {
     use crate::plane::{Plane, Size};
     use crate::sequence::{Filtered, Light, LightKind, SequenceDenoiser, SequenceFrame, SequenceSettings};

@@ -1,0 +1,26 @@
+//! Stage `variance`, row by row.
+
+use crate::par;
+use crate::plane::Plane;
+use crate::sequence::settings::{Variance, Wavelet};
+use crate::simd::widest;
+use crate::stages::feature_noise::LocalFeatures;
+use crate::stages::gather::Gathered;
+use crate::stages::variance::cpu::row;
+use crate::window::Rows;
+
+/// As [`crate::stages::variance::reference::run`].
+pub(crate) fn run(
+    local: &LocalFeatures,
+    gathered: &Gathered,
+    given: &[Option<Plane<f32>>],
+    s: &Variance,
+    wavelet: &Wavelet,
+) -> Rows {
+    let lights = gathered.slots.len();
+    let mut out = Rows::new(local.size, lights);
+    par::rows(out.data_mut(), (lights * local.size.width).max(1), |y, out| {
+        widest!(row(local, gathered, given, s, wavelet, y, out));
+    });
+    out
+}

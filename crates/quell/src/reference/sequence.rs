@@ -1,0 +1,69 @@
+//! The sequence filter's stages as their specification has them.
+
+use crate::frame::Rgb;
+use crate::plane::Plane;
+use crate::sequence::SequenceStages;
+use crate::sequence::settings::{Gather, Stabilise, Variance, Wavelet};
+use crate::stages::feature_noise::{self, LocalFeatures};
+use crate::stages::gather::{self, Gathered};
+use crate::stages::reflection_motion::{self, ReflectionMotion};
+use crate::stages::stabilise::{self, StabiliseFrame};
+use crate::stages::{recombine, variance, wavelet};
+use crate::window::{Features, LightSlot, PreparedFrame, Rows};
+
+/// Every stage's `reference.rs`.
+pub(crate) struct Reference;
+
+impl SequenceStages for Reference {
+    fn reflection_motion(&self, previous: &Features, next: &Features) -> Option<ReflectionMotion> {
+        reflection_motion::reference::run(previous, next)
+    }
+
+    fn gather(&self, window: &[&PreparedFrame], centre: usize, s: &Gather) -> Gathered {
+        gather::reference::run(window, centre, s)
+    }
+
+    fn feature_noise(&self, features: &Features) -> LocalFeatures {
+        feature_noise::reference::run(features)
+    }
+
+    fn variance(
+        &self,
+        local: &LocalFeatures,
+        gathered: &Gathered,
+        given: &[Option<Plane<f32>>],
+        s: &Variance,
+        wavelet: &Wavelet,
+    ) -> Rows {
+        variance::reference::run(local, gathered, given, s, wavelet)
+    }
+
+    fn wavelet(&self, local: &LocalFeatures, slots: &[LightSlot], colours: Rows, variance: Rows, s: &Wavelet) -> Rows {
+        wavelet::reference::run(local, slots, colours, variance, s)
+    }
+
+    fn sum(&self, frame: &PreparedFrame, slots: &[LightSlot], colours: &Rows) -> Plane<Rgb> {
+        recombine::reference::sum(frame, slots, colours)
+    }
+
+    fn stabilise(
+        &self,
+        window: &[StabiliseFrame<'_>],
+        centre: usize,
+        gather: &Gather,
+        s: &Stabilise,
+    ) -> (Plane<Rgb>, Option<Plane<f32>>) {
+        stabilise::reference::run(window, centre, gather, s)
+    }
+
+    fn rescale(
+        &self,
+        frame: &PreparedFrame,
+        slots: &[LightSlot],
+        colours: &Rows,
+        before: &Plane<Rgb>,
+        after: &Plane<Rgb>,
+    ) -> Vec<Vec<Plane<Rgb>>> {
+        recombine::reference::rescale(frame, slots, colours, before, after)
+    }
+}

@@ -1,0 +1,200 @@
+//! The order of the sequence filter's stages, what each reads and writes, and how far it looks. No other file knows it: back
+//! ends are walked along the [`SequencePlan`] that is made here.
+//!
+//! Stages of a frame run in order once the frames that they read are there: [`SequenceDenoiser`](super::SequenceDenoiser) holds the window.
+
+use super::settings::SequenceSettings;
+use crate::pipeline::{Reach, listing};
+use crate::stages::{feature_noise, gather, recombine, stabilise, variance, wavelet};
+
+/// One stage of the sequence filter; its folder in `stages/` has its name.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub enum SequenceStage {
+    /// `reflection_motion`, for a pair of neighbouring frames, before all others.
+    ReflectionMotion,
+    /// `gather`.
+    Gather,
+    /// `feature_noise`.
+    FeatureNoise,
+    /// `variance`.
+    Variance,
+    /// `wavelet`.
+    Wavelet,
+    /// `recombine`: light * weight, added up.
+    Sum,
+    /// `stabilise`.
+    Stabilise,
+    /// `recombine`: passes scaled to the steadier picture.
+    Rescale,
+}
+
+impl SequenceStage {
+    /// All stages in order.
+    pub const ALL: [Self; 8] = [
+        Self::ReflectionMotion,
+        Self::Gather,
+        Self::FeatureNoise,
+        Self::Variance,
+        Self::Wavelet,
+        Self::Sum,
+        Self::Stabilise,
+        Self::Rescale,
+    ];
+
+    /// For listings.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::ReflectionMotion => "reflection_motion",
+            Self::Gather => "gather",
+            Self::FeatureNoise => "feature_noise",
+            Self::Variance => "variance",
+            Self::Wavelet => "wavelet",
+            Self::Sum => "recombine: sum",
+            Self::Stabilise => "stabilise",
+            Self::Rescale => "recombine: rescale",
+        }
+    }
+
+    /// What it reads.
+    pub const fn reads(self) -> &'static [&'static str] {
+        match self {
+            Self::ReflectionMotion => &["features of two frames", "motion"],
+            Self::Gather => &["light of the window", "features of the window", "motion", "reflection motion"],
+            Self::FeatureNoise => &["features"],
+            Self::Variance => &["means", "moments", "local features", "given variance"],
+            Self::Wavelet => &["means", "variance", "local features"],
+            Self::Sum => &["filtered light", "weights"],
+            Self::Stabilise => {
+                &["pictures around", "coverage around", "features around", "motion", "reflection motion"]
+            }
+            Self::Rescale => &["filtered light", "picture", "steadier picture"],
+        }
+    }
+
+    /// What it writes.
+    pub const fn writes(self) -> &'static [&'static str] {
+        match self {
+            Self::ReflectionMotion => &["reflection motion"],
+            Self::Gather => &["means", "moments"],
+            Self::FeatureNoise => &["local features"],
+            Self::Variance => &["variance"],
+            Self::Wavelet => &["filtered light"],
+            Self::Sum => &["picture"],
+            Self::Stabilise => &["steadier picture", "coverage"],
+            Self::Rescale => &["passes"],
+        }
+    }
+
+    /// How far it looks.
+    pub fn reach(self, s: &SequenceSettings) -> Reach {
+        match self {
+            // Done in the whole picture, before bands are cut.
+            Self::ReflectionMotion => Reach::NONE,
+            Self::Gather => gather::reach(&s.gather),
+            Self::FeatureNoise => feature_noise::reach(),
+            Self::Variance => variance::reach(&s.variance),
+            Self::Wavelet => wavelet::reach(&s.wavelet),
+            Self::Sum | Self::Rescale => recombine::reach(),
+            Self::Stabilise => stabilise::reach(&s.stabilise),
+        }
+    }
+
+    fn runs(self, s: &SequenceSettings) -> bool {
+        match self {
+            Self::ReflectionMotion => s.gather.frames > 0 || s.stabilise.frames > 0,
+            Self::Stabilise => s.stabilise.frames > 0,
+            _ => true,
+        }
+    }
+}
+
+/// The stages that will run, in order.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct SequencePlan {
+    steps: Vec<(SequenceStage, Reach)>,
+}
+
+impl SequencePlan {
+    /// Makes the plan.
+    pub fn new(settings: &SequenceSettings) -> Self {
+        let runs = SequenceStage::ALL.into_iter().filter(|stage| stage.runs(settings));
+        Self { steps: runs.map(|stage| (stage, stage.reach(settings))).collect() }
+    }
+
+    /// The stages, in order.
+    pub fn stages(&self) -> impl Iterator<Item = SequenceStage> + '_ {
+        self.steps.iter().map(|(stage, _)| *stage)
+    }
+
+    /// True where a stage will run.
+    pub fn runs(&self, stage: SequenceStage) -> bool {
+        self.stages().any(|other| other == stage)
+    }
+
+    /// Frames on each side of a frame that decide it.
+    pub fn frames(&self) -> usize {
+        self.steps.iter().map(|(_, reach)| reach.frames as usize).sum()
+    }
+
+    /// Rows above and below a band that decide it, where motion leads up or down by at most `moved` rows a frame, and
+    /// by at most `farthest` rows in all.
+    pub fn rows(&self, moved: f32, farthest: f32) -> usize {
+        self.steps.iter().map(|(_, reach)| reach.rows(moved, farthest)).sum()
+    }
+}
+
+impl std::fmt::Display for SequencePlan {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        for stage in SequenceStage::ALL {
+            let step = self.steps.iter().find(|(other, _)| *other == stage);
+            let step = step.map(|(stage, reach)| (stage.reads().join(", "), stage.writes().join(", "), *reach));
+            writeln!(f, "{}", listing(stage.name(), step))?;
+        }
+        write!(f, "a frame depends on {} frames before and after it", self.frames())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_a_stage_reads_was_written_before() {
+        let given = [
+            "features of two frames",
+            "features of the window",
+            "features around",
+            "features",
+            "light of the window",
+            "motion",
+            "given variance",
+            "weights",
+            "coverage around",
+            "pictures around", // `picture` of the frames around
+        ];
+        let mut known: Vec<&str> = given.to_vec();
+        for stage in SequenceStage::ALL {
+            for read in stage.reads() {
+                assert!(known.contains(read), "{read} in {stage:?}");
+            }
+            known.extend(stage.writes());
+        }
+    }
+
+    #[test]
+    fn reach_adds_up() {
+        let mut s = SequenceSettings::default();
+        let plan = SequencePlan::new(&s);
+        assert_eq!(plan.frames(), 10);
+        // Five levels: 2 * 31 + 5; variance 2, feature noise 2, the window of stage 4: 6; two footprints of 2.
+        assert_eq!(plan.rows(0.0, 100.0), 67 + 2 + 2 + 6 + 2 * 2);
+        assert_eq!(plan.rows(1.5, 100.0), plan.rows(0.0, 100.0) + 12 + 3);
+        assert_eq!(plan.rows(1000.0, 30.0), plan.rows(0.0, 100.0) + 30 + 30);
+        s.stabilise.frames = 0;
+        s.wavelet.levels = 0;
+        s.wavelet.transmission_levels = 1;
+        let plan = SequencePlan::new(&s);
+        assert!(!plan.runs(SequenceStage::Stabilise) && plan.to_string().contains("does not run"));
+        assert_eq!((plan.frames(), plan.rows(0.0, 1.0)), (8, 3 + 2 + 2 + 2));
+    }
+}

@@ -1,0 +1,175 @@
+//! The walk along the plan: stages of one frame on one back end.
+
+use super::accelerator::{self, Accelerator, WaveletJob};
+use super::pipeline::{SequencePlan, SequenceStage};
+use super::settings::{Gather, SequenceSettings, Stabilise, Variance, Wavelet};
+use crate::denoiser::Backend;
+use crate::error::Error;
+use crate::frame::Rgb;
+use crate::plane::{Plane, Size};
+use crate::stages::feature_noise::LocalFeatures;
+use crate::stages::gather::Gathered;
+use crate::stages::reflection_motion::ReflectionMotion;
+use crate::stages::stabilise::StabiliseFrame;
+use crate::window::{Features, LightSlot, PreparedFrame, Rows};
+
+/// The stages of the sequence filter on one back end; arguments and results as those of the stages' `reference.rs`.
+pub(crate) trait SequenceStages: Sync {
+    fn reflection_motion(&self, previous: &Features, next: &Features) -> Option<ReflectionMotion>;
+    fn gather(&self, window: &[&PreparedFrame], centre: usize, s: &Gather) -> Gathered;
+    fn feature_noise(&self, features: &Features) -> LocalFeatures;
+    fn variance(
+        &self,
+        local: &LocalFeatures,
+        gathered: &Gathered,
+        given: &[Option<Plane<f32>>],
+        s: &Variance,
+        wavelet: &Wavelet,
+    ) -> Rows;
+    fn wavelet(&self, local: &LocalFeatures, slots: &[LightSlot], colours: Rows, variance: Rows, s: &Wavelet) -> Rows;
+    fn sum(&self, frame: &PreparedFrame, slots: &[LightSlot], colours: &Rows) -> Plane<Rgb>;
+    fn stabilise(
+        &self,
+        window: &[StabiliseFrame<'_>],
+        centre: usize,
+        gather: &Gather,
+        s: &Stabilise,
+    ) -> (Plane<Rgb>, Option<Plane<f32>>);
+    fn rescale(
+        &self,
+        frame: &PreparedFrame,
+        slots: &[LightSlot],
+        colours: &Rows,
+        before: &Plane<Rgb>,
+        after: &Plane<Rgb>,
+    ) -> Vec<Vec<Plane<Rgb>>>;
+}
+
+/// The stages on a back end; without the feature `cpu` the reference's.
+pub(crate) fn stages_of(backend: Backend) -> &'static dyn SequenceStages {
+    match backend {
+        #[cfg(feature = "cpu")]
+        Backend::Cpu => &crate::cpu::sequence::Cpu,
+        _ => &crate::reference::sequence::Reference,
+    }
+}
+
+/// A frame after the stages within its own window.
+pub(crate) struct Estimate {
+    pub slots: Vec<LightSlot>,
+    /// Filtered light.
+    pub colours: Rows,
+    /// The sum of the beauty's lights.
+    pub picture: Plane<Rgb>,
+    /// The largest number of samples that a light's mean is worth.
+    pub samples: Plane<f32>,
+}
+
+/// What the stages of one frame hand on to each other.
+struct Work<'w> {
+    stages: &'static dyn SequenceStages,
+    window: &'w [&'w PreparedFrame],
+    centre: usize,
+    settings: &'w SequenceSettings,
+    gathered: Gathered,
+    local: Option<LocalFeatures>,
+    variance: Rows,
+    picture: Plane<Rgb>,
+    samples: Plane<f32>,
+}
+
+/// Runs the plan's stages up to [`SequenceStage::Sum`] for `window[centre]`.
+///
+/// # Errors
+/// [`Error::Accelerator`].
+pub(crate) fn estimate(
+    stages: &'static dyn SequenceStages,
+    plan: &SequencePlan,
+    window: &[&PreparedFrame],
+    centre: usize,
+    settings: &SequenceSettings,
+    accelerator: Option<&dyn Accelerator>,
+) -> Result<Estimate, Error> {
+    let empty = Size::new(0, 0);
+    let mut work = Work {
+        stages,
+        window,
+        centre,
+        settings,
+        gathered: Gathered { slots: Vec::new(), colours: Rows::empty(), moments: Rows::empty() },
+        local: None,
+        variance: Rows::empty(),
+        picture: Plane::filled(empty, [0.0; 3]),
+        samples: Plane::filled(empty, 0.0),
+    };
+    for stage in plan.stages() {
+        work.run(stage, accelerator)?;
+    }
+    let Work { gathered: Gathered { slots, colours, .. }, picture, samples, .. } = work;
+    Ok(Estimate { slots, colours, picture, samples })
+}
+
+impl Work<'_> {
+    fn run(&mut self, stage: SequenceStage, accelerator: Option<&dyn Accelerator>) -> Result<(), Error> {
+        let (frame, s) = (self.window[self.centre], self.settings);
+        match (stage, &self.local) {
+            (SequenceStage::Gather, _) => {
+                self.gathered = self.stages.gather(self.window, self.centre, &s.gather);
+                self.samples = most_samples(frame.features.size, &self.gathered.moments);
+            }
+            (SequenceStage::FeatureNoise, _) => self.local = Some(self.stages.feature_noise(&frame.features)),
+            (SequenceStage::Variance, Some(local)) => {
+                let slots = &self.gathered.slots;
+                let given: Vec<_> = slots.iter().map(|slot| frame.given_variance(slot)).collect();
+                self.variance = self.stages.variance(local, &self.gathered, &given, &s.variance, &s.wavelet);
+                self.gathered.moments = Rows::empty();
+            }
+            (SequenceStage::Wavelet, Some(local)) => {
+                let colours = std::mem::replace(&mut self.gathered.colours, Rows::empty());
+                let variance = std::mem::replace(&mut self.variance, Rows::empty());
+                let slots = &self.gathered.slots;
+                self.gathered.colours = match accelerator {
+                    None => self.stages.wavelet(local, slots, colours, variance, &s.wavelet),
+                    Some(accelerator) => WaveletJob::new(frame, local, slots, &colours, &variance, &s.wavelet)
+                        .and_then(|mut job| accelerator.wavelet(&mut job).map(|()| job.filtered()))
+                        .map_err(|reason| accelerator::failed(accelerator, reason))?,
+                };
+                self.local = None;
+            }
+            (SequenceStage::Sum, _) => {
+                self.picture = self.stages.sum(frame, &self.gathered.slots, &self.gathered.colours);
+            }
+            // Of pairs of frames, or of frames that are estimated.
+            _ => {}
+        }
+        Ok(())
+    }
+}
+
+/// Runs the stages after [`SequenceStage::Sum`] for `frames[centre]`: its passes, without weights, and its coverage.
+pub(crate) fn finish(
+    stages: &dyn SequenceStages,
+    plan: &SequencePlan,
+    frames: &[(&PreparedFrame, &Estimate)],
+    centre: usize,
+    s: &SequenceSettings,
+) -> (Vec<Vec<Plane<Rgb>>>, Option<Plane<f32>>) {
+    let (frame, estimate) = frames[centre];
+    let (steady, alpha) = if plan.runs(SequenceStage::Stabilise) {
+        let window: Vec<_> = (frames.iter())
+            .map(|(frame, estimate)| StabiliseFrame {
+                features: &frame.features,
+                picture: &estimate.picture,
+                alpha: frame.alpha.as_ref(),
+            })
+            .collect();
+        stages.stabilise(&window, centre, &s.gather, &s.stabilise)
+    } else {
+        (estimate.picture.clone(), frame.alpha.clone())
+    };
+    (stages.rescale(frame, &estimate.slots, &estimate.colours, &estimate.picture, &steady), alpha)
+}
+
+fn most_samples(size: Size, moments: &Rows) -> Plane<f32> {
+    Plane::from_fn(size, |x, y| (0..moments.channels() / 2).map(|l| moments.row(y, 2 * l + 1)[x]).fold(1.0, f32::max))
+}

@@ -1,0 +1,129 @@
+//! Sequence filter, stage 1: the samples met along each surface's motion trajectory, averaged.
+//!
+//! | | |
+//! |---|---|
+//! | reads | light, feature buffers and motion of the frames of the window ([`PreparedFrame`](crate::sequence::PreparedFrame)) |
+//! | writes | [`Gathered`]: of each light its mean, the variance of one sample, and the samples that the mean is worth |
+//! | reach | `gather.frames` frames before and after; 2 rows around where motion leads |
+//! | equation | mean = sum w c / sum w; n = (sum w)^2 / sum w^2; variance of a sample = weighted spread * n / (n - 1) |
+//! | weight | bilinear share * trust in the surface * decay^distance * likeness of what mirrors show |
+//! | source | ours: `docs/sequence.md` |
+//! | parameters | `gather.*` |
+//!
+//! A pixel's surface is followed by its motion, frame by frame (`trajectory.rs`), and each raw sample is fetched once: no repeated
+//! resampling. A pixel there shows the same surface where it lies on the tangent plane of the surface here (it stands), or
+//! where motion there and back again ends where it began (it moves).
+
+#[cfg(feature = "cpu")]
+pub(crate) mod cpu;
+pub mod reference;
+#[cfg(feature = "cpu")]
+pub(crate) mod trajectory;
+
+use crate::kernels::guide_distance::APART;
+use crate::pipeline::Reach;
+use crate::sequence::LightKind;
+use crate::sequence::settings::Gather;
+use crate::window::{Features, LightSlot, PreparedFrame, Rows, Samples};
+
+/// Weight of a sample that was matched by its motion alone.
+pub(crate) const MOVING_WEIGHT: f32 = 0.7;
+/// Least cosine between normals of one surface now and then: standing, and turning.
+pub(crate) const STANDING_NORMAL: f32 = 0.6;
+pub(crate) const MOVING_NORMAL: f32 = 0.7;
+/// Pixels within which a point of the same plane is the same surface, whatever its normal; beyond, normals must agree.
+pub(crate) const STANDING_REACH: f32 = 6.0;
+pub(crate) const PLANE_NORMAL: f32 = 0.9;
+/// Part of a motion's length by which the way there and back may miss, beside `gather.round_trip`.
+pub(crate) const ROUND_TRIP_SHARE: f32 = 0.05;
+/// Most relative change of depth a frame of a surface that moves.
+pub(crate) const MOVING_DEPTH: f32 = 0.1;
+/// Taps with less of the bilinear weight are left out.
+pub(crate) const LEAST_SHARE: f32 = 0.01;
+/// Noise that repeats (one seed for all frames) sticks to the pixel: nearer than this it is the same noise.
+pub(crate) const SAME_NOISE: f32 = 0.75;
+/// The worth of a mean in samples from which its spread says something of its variance.
+pub(crate) const LEAST_COUNT: f32 = 1.01;
+
+/// What is known of every light before any filter over the image.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Gathered {
+    /// The lights that are not black all over the window, with their places in the images below.
+    pub slots: Vec<LightSlot>,
+    /// Three channels a colour plane: the means.
+    pub colours: Rows,
+    /// Two channels a light: variance of one sample's luminance, and the samples that the mean is worth.
+    pub moments: Rows,
+}
+
+/// How far the stage looks.
+pub fn reach(s: &Gather) -> Reach {
+    Reach { pixels: 0, frames: s.frames, footprint: FOOTPRINT }
+}
+
+/// Rows that the bilinear footprint reads beyond those that motion leads to.
+const FOOTPRINT: usize = 2;
+
+/// Weight of a sample one frame further away.
+pub(crate) fn decay(gather: &Gather, kind: LightKind) -> f32 {
+    match kind {
+        LightKind::GlossyDirect => gather.glossy_direct_decay,
+        LightKind::GlossyIndirect => gather.glossy_decay,
+        LightKind::Transmission => gather.transmission_decay,
+        LightKind::Steady => 0.0,
+        LightKind::MatteDirect | LightKind::MatteIndirect | LightKind::Volume | LightKind::Beauty => gather.matte_decay,
+    }
+}
+
+/// Where a frame of the window has a light.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Place {
+    /// It is black there.
+    Black,
+    /// Among its samples, from this plane on.
+    At(usize),
+    /// It was noise-free there and is not kept.
+    Unknown,
+}
+
+impl Place {
+    pub(crate) fn of(frame: &PreparedFrame, light: usize) -> Self {
+        match frame.stored[light] {
+            Samples::Packed(first) => Self::At(first),
+            Samples::Black => Self::Black,
+            Samples::Own(_) | Samples::Gone => Self::Unknown,
+        }
+    }
+}
+
+/// The lights that are not black all over the window, one after the other.
+pub(crate) fn lit(window: &[&PreparedFrame], centre: usize) -> Vec<LightSlot> {
+    let black = |frame: &PreparedFrame, light: usize| matches!(frame.stored[light], Samples::Black);
+    let mut first = 0;
+    let lit = window[centre].slots.iter().filter(|slot| match slot.kind {
+        LightKind::Steady => !black(window[centre], slot.light),
+        _ => window.iter().any(|frame| !black(frame, slot.light)),
+    });
+    let packed = lit.map(|slot| {
+        let slot = LightSlot { first, ..*slot };
+        first += slot.planes;
+        slot
+    });
+    packed.collect()
+}
+
+/// How unlike the things are that pixel `p` shows here, and pixel `q` of another frame there, in a mirror or through
+/// glass, as the exponent of a weight.
+pub(crate) fn seen_distance(here: &Features, p: usize, other: &Features, q: usize, gather: &Gather) -> f32 {
+    let (Some(a), Some(b)) = (&here.seen, &other.seen) else { return 0.0 };
+    // Light that was divided by what it shows never mixes with light that was not.
+    if here.is_mirror(p) != other.is_mirror(q) {
+        return APART;
+    }
+    let (ca, cb) = (a.at(0, p), b.at(0, q));
+    let (na, nb) = (a.at(1, p), b.at(1, q));
+    let colour = (0..3).map(|c| (ca[c] - cb[c]).powi(2)).sum::<f32>() * 0.5 / (gather.seen_albedo * gather.seen_albedo);
+    let cosine = na[0] * nb[0] + na[1] * nb[1] + na[2] * nb[2];
+    let has_normals = na != [0.0; 3] || nb != [0.0; 3];
+    colour + if has_normals { gather.seen_normal * (1.0 - cosine) } else { 0.0 }
+}

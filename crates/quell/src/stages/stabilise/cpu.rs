@@ -1,0 +1,249 @@
+//! A pixel of the steadier picture.
+
+use super::{DEPTH_CHANGE, NEARER, NO_DEPARTURE, ROUND_TRIP, StabiliseFrame, UNSURE, seen_difference};
+use crate::frame::Rgb;
+use crate::kernels::guide_distance::weight;
+use crate::sequence::settings::{Gather, Stabilise};
+use crate::window::Features;
+
+/// One picture and its neighbours in time.
+pub(crate) struct Neighbourhood<'a> {
+    pub window: &'a [StabiliseFrame<'a>],
+    pub centre: usize,
+    /// Coverage is averaged too: every frame has it.
+    pub has_alpha: bool,
+    pub gather: &'a Gather,
+    pub settings: &'a Stabilise,
+}
+
+/// Range of the picture around a pixel.
+struct Range {
+    low: Rgb,
+    high: Rgb,
+    low_alpha: f32,
+    high_alpha: f32,
+}
+
+impl Neighbourhood<'_> {
+    /// Colour and coverage of a pixel, averaged over time. Without coverage that is 0.
+    pub(crate) fn pixel(&self, x: usize, y: usize) -> (Rgb, f32) {
+        let here = &self.window[self.centre];
+        let range = self.range(x, y);
+        let (mut sum, mut total) = (here.picture.at(x, y), 1.0);
+        let mut sum_alpha = match (self.has_alpha, here.alpha) {
+            (true, Some(alpha)) => alpha.at(x, y),
+            _ => 0.0,
+        };
+        for forward in [false, true] {
+            if forward && !self.gather.future {
+                continue;
+            }
+            let ahead = if forward { self.window.len() - 1 - self.centre } else { self.centre };
+            let mut track = Track::new(here.features, x, y, self.gather, self.settings);
+            let mut decayed = 1.0;
+            for k in 1..=ahead.min(self.settings.frames as usize) {
+                let (from, to) = if forward {
+                    (self.centre + k - 1, self.centre + k)
+                } else {
+                    (self.centre + 1 - k, self.centre - k)
+                };
+                let other = &self.window[to];
+                let Some(likeness) = track.step(self.window[from].features, other.features, forward) else { break };
+                let weight = decayed * likeness;
+                let taps = CubicTaps::new(other.features, track.at);
+                let c = taps.fetch(|i| other.picture.data()[i]);
+                for i in 0..3 {
+                    sum[i] += weight * c[i].max(range.low[i]).min(range.high[i]);
+                }
+                if let (true, Some(a)) = (self.has_alpha, other.alpha) {
+                    let [a, ..] = taps.fetch(|i| [a.data()[i]; 3]);
+                    sum_alpha += weight * a.max(range.low_alpha).min(range.high_alpha);
+                }
+                total += weight;
+                decayed *= self.settings.decay;
+            }
+        }
+        (sum.map(|c| c / total), sum_alpha / total)
+    }
+
+    fn range(&self, x: usize, y: usize) -> Range {
+        let here = &self.window[self.centre];
+        let size = here.picture.size();
+        let mut range = Range { low: [f32::MAX; 3], high: [f32::MIN; 3], low_alpha: f32::MAX, high_alpha: f32::MIN };
+        for qy in y.saturating_sub(1)..(y + 2).min(size.height) {
+            for qx in x.saturating_sub(1)..(x + 2).min(size.width) {
+                let c = here.picture.at(qx, qy);
+                for i in 0..3 {
+                    range.low[i] = range.low[i].min(c[i]);
+                    range.high[i] = range.high[i].max(c[i]);
+                }
+                if let (true, Some(a)) = (self.has_alpha, here.alpha) {
+                    range.low_alpha = range.low_alpha.min(a.at(qx, qy));
+                    range.high_alpha = range.high_alpha.max(a.at(qx, qy));
+                }
+            }
+        }
+        range
+    }
+}
+
+/// A pixel's silhouette on its trajectory through the frames.
+struct Track<'a> {
+    here: &'a Features,
+    pixel: usize,
+    settings: &'a Stabilise,
+    mirror: bool,
+    origin: (f32, f32),
+    /// Rows that the trajectory may lead up or down.
+    farthest: f32,
+    at: (f32, f32),
+    front: Front,
+}
+
+impl<'a> Track<'a> {
+    fn new(here: &'a Features, x: usize, y: usize, gather: &Gather, settings: &'a Stabilise) -> Self {
+        let pixel = y * here.size.width + x;
+        // A band counts rows as the whole picture does: sums of floats are the same.
+        let origin = ((x as f32), (here.first_row + y) as f32);
+        Self {
+            here,
+            pixel,
+            settings,
+            mirror: here.is_mirror(pixel),
+            origin,
+            farthest: gather.travel * here.picture_height as f32,
+            at: origin,
+            front: front(here, x, y),
+        }
+    }
+
+    /// Goes one frame further; the weight of what is there. `None`: it is lost.
+    fn step(&mut self, from: &Features, to: &Features, forward: bool) -> Option<f32> {
+        // What a mirror or a glass shows has its own motion; where that is unsure, the surface's counts, unless both
+        // differ.
+        let along = |reflected: bool| {
+            step(from, to, forward, reflected, self.at, &self.front)
+                .filter(|(at, _)| (at.1 - self.origin.1).abs() <= self.farthest)
+        };
+        let mut tolerance = self.settings.seen_albedo;
+        let step = match along(self.mirror) {
+            None if self.mirror && departs(from, forward, self.front.pixel) <= NO_DEPARTURE => {
+                tolerance *= UNSURE;
+                along(false)
+            }
+            step => step,
+        };
+        (self.at, self.front) = step?;
+        let row = to.row_here(self.at.1.round() as isize)?;
+        let q = row * self.here.size.width + self.at.0.round() as usize;
+        let unlike = if self.mirror { seen_difference(self.here, self.pixel, to, q) } else { 0.0 };
+        Some(weight(unlike / (2.0 * tolerance * tolerance)))
+    }
+}
+
+/// The surface nearest to the eye around a pixel: a silhouette moves with it.
+struct Front {
+    pixel: usize,
+    inverse_depth: f32,
+}
+
+impl Front {
+    fn same(&self, other: &Self) -> bool {
+        (self.inverse_depth - other.inverse_depth).abs() <= DEPTH_CHANGE * other.inverse_depth
+    }
+}
+
+/// Where a silhouette lies one frame further, and what is in front there; `None`: it is lost.
+fn step(
+    from: &Features,
+    to: &Features,
+    forward: bool,
+    reflected: bool,
+    at: (f32, f32),
+    front: &Front,
+) -> Option<((f32, f32), Front)> {
+    let (w, h) = (from.size.width, from.picture_height);
+    let m = from.motion.get(forward, reflected)?.data()[front.pixel];
+    let at = (at.0 + m[0], at.1 + m[1]);
+    // NaN fails too: unknown motion ends the way.
+    if !(at.0 >= 0.0 && at.1 >= 0.0 && at.0 <= (w - 1) as f32 && at.1 <= (h - 1) as f32) {
+        return None;
+    }
+    let there = self::front(to, at.0.round() as usize, to.row_here(at.1.round() as isize)?);
+    (there.same(front) && returns(to, forward, reflected, there.pixel, m)).then_some((at, there))
+}
+
+fn departs(features: &Features, forward: bool, pixel: usize) -> f32 {
+    let at = |reflected: bool| features.motion.get(forward, reflected).map_or([0.0; 2], |m| m.data()[pixel]);
+    let (seen, surface) = (at(true), at(false));
+    ((seen[0] - surface[0]).powi(2) + (seen[1] - surface[1]).powi(2)).sqrt()
+}
+
+/// True where the motion at `pixel` leads back by `motion`, or is unknown.
+fn returns(features: &Features, forward: bool, reflected: bool, pixel: usize, motion: [f32; 2]) -> bool {
+    let back = features.motion.get(!forward, reflected);
+    let Some(back) = back else { return true };
+    let r = back.data()[pixel];
+    let length = (motion[0] * motion[0] + motion[1] * motion[1]).sqrt();
+    let miss = ((motion[0] + r[0]).powi(2) + (motion[1] + r[1]).powi(2)).sqrt();
+    miss <= ROUND_TRIP[0] + ROUND_TRIP[1] * length
+}
+
+fn front(features: &Features, x: usize, y: usize) -> Front {
+    let (w, h) = (features.size.width, features.size.height);
+    let mut best = Front { pixel: y * w + x, inverse_depth: features.surface[y * w + x].inverse_depth };
+    for qy in y.saturating_sub(1)..(y + 2).min(h) {
+        for qx in x.saturating_sub(1)..(x + 2).min(w) {
+            let inverse_depth = features.surface[qy * w + qx].inverse_depth;
+            if inverse_depth > best.inverse_depth * NEARER {
+                best = Front { pixel: qy * w + qx, inverse_depth };
+            }
+        }
+    }
+    best
+}
+
+/// Catmull-Rom's sixteen taps; beyond the border the border counts.
+struct CubicTaps {
+    x: [usize; 4],
+    y: [usize; 4],
+    weights: [[f32; 4]; 2],
+    width: usize,
+}
+
+impl CubicTaps {
+    fn new(features: &Features, (x, y): (f32, f32)) -> Self {
+        let spline = |t: f32| {
+            [
+                ((-0.5 * t + 1.0) * t - 0.5) * t,
+                (1.5 * t - 2.5) * t * t + 1.0,
+                ((-1.5 * t + 2.0) * t + 0.5) * t,
+                (0.5 * t - 0.5) * t * t,
+            ]
+        };
+        let place = |v: f32, limit: usize| {
+            [0isize, 1, 2, 3].map(|i| (v.floor() as isize + i - 1).clamp(0, limit as isize - 1) as usize)
+        };
+        let last = features.size.height.saturating_sub(1);
+        Self {
+            x: place(x, features.size.width),
+            y: place(y, features.picture_height).map(|row| row.saturating_sub(features.first_row).min(last)),
+            weights: [spline(x - x.floor()), spline(y - y.floor())],
+            width: features.size.width,
+        }
+    }
+
+    fn fetch(&self, at: impl Fn(usize) -> Rgb) -> Rgb {
+        let mut sum = [0.0; 3];
+        for (j, y) in self.y.iter().enumerate() {
+            for (i, x) in self.x.iter().enumerate() {
+                let weight = self.weights[0][i] * self.weights[1][j];
+                let c = at(y * self.width + x);
+                for k in 0..3 {
+                    sum[k] += weight * c[k];
+                }
+            }
+        }
+        sum
+    }
+}

@@ -1,0 +1,62 @@
+//! Sequence filter, stage 4: a picture averaged with its neighbours in time, each fetched along the motion of what is in
+//! front and limited to the picture's own range in 3x3.
+//!
+//! | | |
+//! |---|---|
+//! | reads | filtered pictures and coverage of the frames around, their depth, motion and mirrors |
+//! | writes | the steadier picture, and its coverage |
+//! | reach | `stabilise.frames` frames before and after; around where motion leads 2 rows for what is in front, 4 for the cubic and the range; where motion leads: as `gather` |
+//! | equation | out = (c + sum_k w_k clamp(c_k, low, high)) / (1 + sum_k w_k), w_k = decay^(k - 1) * likeness of what a mirror shows |
+//! | source | temporal anti-aliasing (Karis 2014) with both neighbours in time; ours: `docs/sequence.md` |
+//! | parameters | `stabilise.*`, `gather.travel`, `gather.future` |
+//!
+//! Silhouettes gain samples, and what the wavelet decided differently from frame to frame evens out.
+
+#[cfg(feature = "cpu")]
+pub(crate) mod cpu;
+pub mod reference;
+
+use crate::frame::Rgb;
+use crate::pipeline::Reach;
+use crate::plane::Plane;
+use crate::sequence::settings::Stabilise;
+use crate::window::Features;
+
+/// Most relative change of depth from frame to frame.
+pub(crate) const DEPTH_CHANGE: f32 = 0.1;
+/// How much more alike a mirror must look where the surface's motion stands in.
+pub(crate) const UNSURE: f32 = 0.125;
+/// Pixels by which the motion of what is seen at a pixel may differ from the surface's and still be the same.
+pub(crate) const NO_DEPARTURE: f32 = 1.0;
+/// Misses of the way there and back: in pixels, and as a part of its length.
+pub(crate) const ROUND_TRIP: [f32; 2] = [0.5, 0.1];
+/// How much nearer a neighbour must be to stand in front: more than the slope of one surface makes.
+pub(crate) const NEARER: f32 = 1.02;
+
+/// A frame as the stage reads it.
+#[derive(Clone, Copy, Debug)]
+pub struct StabiliseFrame<'a> {
+    /// Feature buffers and motion.
+    pub features: &'a Features,
+    /// The filtered picture, scene-linear.
+    pub picture: &'a Plane<Rgb>,
+    /// Coverage, 0..1.
+    pub alpha: Option<&'a Plane<f32>>,
+}
+
+/// Squared difference of the tone-mapped colours that mirrors or glass show around two pixels.
+pub(crate) fn seen_difference(here: &Features, p: usize, other: &Features, q: usize) -> f32 {
+    let (Some(a), Some(b)) = (&here.seen_around, &other.seen_around) else { return 0.0 };
+    let (a, b) = (a.at(0, p), b.at(0, q));
+    (0..3).map(|c| (a[c] - b[c]).powi(2)).sum()
+}
+
+/// Rows read at a pixel: the range in 3x3, the cubic, what is in front in 3x3.
+const WINDOW: usize = 3 + 1 + 2;
+/// Rows that rounding adds where motion leads.
+const FOOTPRINT: usize = 2;
+
+/// How far the stage looks.
+pub fn reach(s: &Stabilise) -> Reach {
+    Reach { pixels: WINDOW, frames: s.frames, footprint: FOOTPRINT }
+}

@@ -1,0 +1,184 @@
+//! The specification of stage 4 of the sequence filter.
+
+use super::{DEPTH_CHANGE, NEARER, NO_DEPARTURE, ROUND_TRIP, StabiliseFrame, UNSURE, seen_difference};
+use crate::frame::Rgb;
+use crate::kernels::guide_distance::weight;
+use crate::plane::Plane;
+use crate::sequence::settings::{Gather, Stabilise};
+use crate::window::Features;
+
+/// Runs the stage for `window[centre]` on the whole image. Coverage is averaged where all frames have it, stays where this
+/// one alone has it, and is `None` where it has none.
+pub fn run(
+    window: &[StabiliseFrame<'_>],
+    centre: usize,
+    gather: &Gather,
+    s: &Stabilise,
+) -> (Plane<Rgb>, Option<Plane<f32>>) {
+    let here = &window[centre];
+    let (w, h) = (here.picture.size().width, here.picture.size().height);
+    let (mut picture, mut alpha) = (here.picture.clone(), here.alpha.cloned());
+    let every_alpha = window.iter().all(|frame| frame.alpha.is_some());
+    for (x, y) in (0..h).flat_map(|y| (0..w).map(move |x| (x, y))) {
+        let visits = visits(window, centre, (x, y), gather, s);
+        let mut total = 1.0;
+        let mut colour = here.picture.at(x, y);
+        let mut coverage = here.alpha.map_or(0.0, |a| a.at(x, y));
+        for visit in &visits {
+            let other = &window[visit.frame];
+            for (c, sum) in colour.iter_mut().enumerate() {
+                let fetched = cubic(other.features, visit.at, |i| other.picture.data()[i][c]);
+                let (low, high) = range(w, h, (x, y), |qx, qy| here.picture.at(qx, qy)[c]);
+                *sum += visit.weight * fetched.max(low).min(high);
+            }
+            if let (true, Some(own), Some(alpha)) = (every_alpha, here.alpha, other.alpha) {
+                let fetched = cubic(other.features, visit.at, |i| alpha.data()[i]);
+                let (low, high) = range(w, h, (x, y), |qx, qy| own.at(qx, qy));
+                coverage += visit.weight * fetched.max(low).min(high);
+            }
+            total += visit.weight;
+        }
+        picture.data_mut()[y * w + x] = colour.map(|c| c / total);
+        if let Some(alpha) = alpha.as_mut().filter(|_| every_alpha) {
+            alpha.data_mut()[y * w + x] = coverage / total;
+        }
+    }
+    (picture, alpha)
+}
+
+/// A place in another frame that shows what the pixel shows.
+struct Visit {
+    frame: usize,
+    at: [f32; 2],
+    weight: f32,
+}
+
+/// Follows what is in front of a pixel through the frames before, then through those after.
+fn visits(
+    window: &[StabiliseFrame<'_>],
+    centre: usize,
+    (x, y): (usize, usize),
+    gather: &Gather,
+    s: &Stabilise,
+) -> Vec<Visit> {
+    let here = window[centre].features;
+    let p = y * here.size.width + x;
+    let mirror = here.is_mirror(p);
+    let origin_row = (here.first_row + y) as f32;
+    let farthest = gather.travel * here.picture_height as f32;
+    let mut visits = Vec::new();
+    for forward in [false, true].into_iter().filter(|forward| !forward || gather.future) {
+        let mut at = [x as f32, origin_row];
+        let mut front = front(here, x, y);
+        let mut decayed = 1.0;
+        let mut frame = centre;
+        for _ in 0..s.frames {
+            let next = if forward { frame + 1 } else { frame.wrapping_sub(1) };
+            let (Some(to), from) = (window.get(next), window[frame].features) else { break };
+            let step = |reflected: bool| {
+                next_place(from, to.features, forward, reflected, at, front)
+                    .filter(|(at, _)| (at[1] - origin_row).abs() <= farthest)
+            };
+            let (mut found, mut tolerance) = (step(mirror), s.seen_albedo);
+            if found.is_none() && mirror && departure(from, forward, front) <= NO_DEPARTURE {
+                (found, tolerance) = (step(false), tolerance * UNSURE);
+            }
+            let Some((place, pixel)) = found else { break };
+            (at, front, frame) = (place, pixel, next);
+            let Some(row) = to.features.row_here(at[1].round() as isize) else { break };
+            let q = row * here.size.width + at[0].round() as usize;
+            let unlike = if mirror { seen_difference(here, p, to.features, q) } else { 0.0 };
+            visits.push(Visit { frame, at, weight: decayed * weight(unlike / (2.0 * tolerance * tolerance)) });
+            decayed *= s.decay;
+        }
+    }
+    visits
+}
+
+/// The pixel of a 3x3 neighbourhood whose surface is nearest to the eye; the centre, if the others are hardly nearer.
+fn front(f: &Features, x: usize, y: usize) -> usize {
+    let (w, h) = (f.size.width, f.size.height);
+    let mut best = y * w + x;
+    for qy in y.saturating_sub(1)..(y + 2).min(h) {
+        for qx in x.saturating_sub(1)..(x + 2).min(w) {
+            let q = qy * w + qx;
+            if f.surface[q].inverse_depth > NEARER * f.surface[best].inverse_depth {
+                best = q;
+            }
+        }
+    }
+    best
+}
+
+/// Where motion leads from `at` in the neighbouring frame, and the pixel in front there; `None`: off the picture, another depth, or
+/// the motion there does not lead back.
+fn next_place(
+    from: &Features,
+    to: &Features,
+    forward: bool,
+    reflected: bool,
+    at: [f32; 2],
+    pixel: usize,
+) -> Option<([f32; 2], usize)> {
+    let m = from.motion.get(forward, reflected)?.data()[pixel];
+    let at = [at[0] + m[0], at[1] + m[1]];
+    let last = [(from.size.width - 1) as f32, (from.picture_height - 1) as f32];
+    let inside = |c: usize| at[c] >= 0.0 && at[c] <= last[c];
+    if !(inside(0) && inside(1)) {
+        return None; // NaN is not inside
+    }
+    let there = front(to, at[0].round() as usize, to.row_here(at[1].round() as isize)?);
+    let (before, after) = (from.surface[pixel].inverse_depth, to.surface[there].inverse_depth);
+    if (after - before).abs() > DEPTH_CHANGE * before {
+        return None;
+    }
+    if let Some(back) = to.motion.get(!forward, reflected) {
+        let back = back.data()[there];
+        let miss = (m[0] + back[0]).hypot(m[1] + back[1]);
+        let allowed = ROUND_TRIP[0] + ROUND_TRIP[1] * m[0].hypot(m[1]);
+        if miss.is_nan() || miss > allowed {
+            return None;
+        }
+    }
+    Some((at, there))
+}
+
+/// Pixels between the motion of what is seen at a pixel and that of its surface.
+fn departure(f: &Features, forward: bool, pixel: usize) -> f32 {
+    let at = |reflected: bool| f.motion.get(forward, reflected).map_or([0.0; 2], |m| m.data()[pixel]);
+    (at(true)[0] - at(false)[0]).hypot(at(true)[1] - at(false)[1])
+}
+
+/// Least and largest value in 3x3.
+fn range(w: usize, h: usize, (x, y): (usize, usize), value: impl Fn(usize, usize) -> f32) -> (f32, f32) {
+    let (mut low, mut high) = (f32::MAX, f32::MIN);
+    for qy in y.saturating_sub(1)..(y + 2).min(h) {
+        for qx in x.saturating_sub(1)..(x + 2).min(w) {
+            (low, high) = (low.min(value(qx, qy)), high.max(value(qx, qy)));
+        }
+    }
+    (low, high)
+}
+
+/// Catmull-Rom interpolation at a place of the picture; beyond the border the border counts.
+fn cubic(f: &Features, at: [f32; 2], value: impl Fn(usize) -> f32) -> f32 {
+    let clamped = |v: isize, extent: usize| v.clamp(0, extent as isize - 1) as usize;
+    let mut sum = 0.0;
+    for j in -1..=2isize {
+        for i in -1..=2isize {
+            let (fx, fy) = (at[0].floor(), at[1].floor());
+            let x = clamped(fx as isize + i, f.size.width);
+            let row = clamped(fy as isize + j, f.picture_height).saturating_sub(f.first_row);
+            let y = row.min(f.size.height - 1);
+            let share = catmull_rom(at[0] - fx - i as f32) * catmull_rom(at[1] - fy - j as f32);
+            sum += share * value(y * f.size.width + x);
+        }
+    }
+    sum
+}
+
+/// The kernel of Catmull and Rom at a distance of less than two pixels.
+fn catmull_rom(d: f32) -> f32 {
+    let d = d.abs();
+    if d < 1.0 { (1.5 * d - 2.5) * d * d + 1.0 } else { ((2.5 - 0.5 * d) * d - 4.0) * d + 2.0 }
+}

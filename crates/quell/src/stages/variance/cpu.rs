@@ -1,0 +1,71 @@
+//! The variance of every light's mean, whole rows on vectors.
+
+use crate::kernels::guide_distance::{Class, weight};
+use crate::kernels::guide_distance_cpu::{Offset, guide_distances};
+use crate::kernels::math::luminance;
+use crate::plane::Plane;
+use crate::sequence::settings::{Variance, Wavelet};
+use crate::stages::feature_noise::LocalFeatures;
+use crate::stages::gather::Gathered;
+
+/// One row of `out`, a channel a light. Arguments as those of [`super::reference::run`].
+#[inline(always)]
+pub(crate) fn row(
+    local: &LocalFeatures,
+    gathered: &Gathered,
+    given: &[Option<Plane<f32>>],
+    s: &Variance,
+    wavelet: &Wavelet,
+    y: usize,
+    out: &mut [f32],
+) {
+    let (w, h) = (local.size.width, local.size.height);
+    let slots = &gathered.slots;
+    let lights = slots.len();
+    let radius = s.radius as isize;
+    let classes: Vec<usize> = slots.iter().map(|s| Class::of(s.kind) as usize).collect();
+    let wanted = Class::ALL.map(|c| classes.contains(&(c as usize)));
+    let mut distance: [Vec<f32>; 4] = std::array::from_fn(|_| vec![0.0; w]);
+    // Per light: pooled spread, its degrees of freedom, and the moments of the means with their weight.
+    let mut sums = vec![[0.0f32; 5]; lights * w];
+    for dy in -radius..=radius {
+        for dx in -radius..=radius {
+            let Some(o) = Offset::new(w, h, y, dx, dy) else { continue };
+            if dx == 0 && dy == 0 {
+                distance.iter_mut().for_each(|e| e.fill(0.0));
+            } else {
+                guide_distances(local, w, &o, wavelet, wanted, &mut distance);
+            }
+            for (l, slot) in slots.iter().enumerate() {
+                let distance = &distance[classes[l]];
+                let spread = o.taps(gathered.moments.row(o.qy, 2 * l));
+                let count = o.taps(gathered.moments.row(o.qy, 2 * l + 1));
+                let rgb = [0, 1, 2].map(|c| o.taps(gathered.colours.row(o.qy, 3 * slot.first + c)));
+                let sums = &mut sums[l * w + o.from..][..o.to - o.from];
+                for (i, sum) in sums.iter_mut().enumerate() {
+                    let g = weight(distance[i]);
+                    let freedom = g * (count[i] - 1.0).max(0.0);
+                    let mean = luminance([rgb[0][i], rgb[1][i], rgb[2][i]]);
+                    sum[0] += freedom * spread[i];
+                    sum[1] += freedom;
+                    sum[2] += g * mean;
+                    sum[3] += g * mean * mean;
+                    sum[4] += g;
+                }
+            }
+        }
+    }
+    for l in 0..lights {
+        let count = gathered.moments.row(y, 2 * l + 1);
+        let given = given.get(l).and_then(Option::as_ref).map(|plane| plane.row(y));
+        for x in 0..w {
+            let [spread, freedom, first, second, total] = sums[l * w + x];
+            let over_time = if freedom > 0.0 { spread / freedom } else { 0.0 };
+            let mean = first / total;
+            let over_space = (second / total - mean * mean).max(0.0) * count[x];
+            let otherwise = given.map(|given| given[x]).filter(|v| !v.is_nan()).unwrap_or(over_space);
+            let trust = (freedom / s.trusted_samples).min(1.0);
+            out[l * w + x] = (over_time * trust + otherwise * (1.0 - trust)) / count[x].max(1.0);
+        }
+    }
+}

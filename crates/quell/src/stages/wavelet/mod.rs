@@ -1,0 +1,59 @@
+//! Sequence filter, stage 3: edge-avoiding a-trous levels with a luminance stop.
+//!
+//! | | |
+//! |---|---|
+//! | reads | a light's colour planes, the variance of its luminance, [`LocalFeatures`](crate::stages::feature_noise::LocalFeatures) |
+//! | writes | the filtered planes |
+//! | reach | sum over levels i of 2 * 2^i + 1 pixels |
+//! | equation | out = sum h w c / sum h w; variance' = sum (h w)^2 v / (sum h w)^2; w = weight(guide distance + stop) |
+//! | luminance stop | max(0, (m_p - m_q)^2 - v) / (k^2 v + e), m: means over 3x3 of the same surface, v: variance of both, k: `wavelet.matte` ... in deviations |
+//! | source | Dammertz, Sewtz, Hanika, Lensch (HPG 2010); stop by variance: SVGF (Schied et al., HPG 2017) 4.4; 3x3 means and "- v" ours |
+//! | parameters | `wavelet.*` |
+//!
+//! The squared difference counts only beyond the variance that both means bring along, so that noise alone stops nothing.
+
+#[cfg(feature = "cpu")]
+pub(crate) mod cpu;
+pub mod reference;
+
+use crate::pipeline::Reach;
+use crate::sequence::LightKind;
+use crate::sequence::settings::Wavelet;
+
+/// Half of the B3 spline's kernel, from the centre outwards (Dammertz et al. 2010).
+pub(crate) const SPLINE: [f32; 3] = [0.375, 0.25, 0.0625];
+/// Kernel of the compared means, from the centre outwards; they are normalised.
+pub(crate) const TENT: [f32; 2] = [2.0, 1.0];
+/// Luminances of one pixel that differ by less than this share do not differ.
+pub(crate) const LEAST_CONTRAST: f32 = 1e-3;
+/// Keeps the stop's quotient finite where nothing varies.
+pub(crate) const LEAST_VARIANCE: f32 = 1e-12;
+
+/// Levels of a kind of light; noise-free light has none.
+pub(crate) fn levels(s: &Wavelet, kind: LightKind) -> u32 {
+    match kind {
+        LightKind::Steady => 0,
+        LightKind::Transmission => s.transmission_levels,
+        _ => s.levels,
+    }
+}
+
+/// Luminance stop of a kind of light, in standard deviations.
+pub(crate) fn tolerance(s: &Wavelet, kind: LightKind) -> f32 {
+    match kind {
+        LightKind::MatteDirect => s.matte_direct,
+        LightKind::MatteIndirect | LightKind::Steady => s.matte,
+        LightKind::GlossyDirect | LightKind::GlossyIndirect => s.glossy,
+        LightKind::Transmission | LightKind::Volume | LightKind::Beauty => s.transmission,
+    }
+}
+
+/// How far some levels look: each compares means over 3x3 pixels, and takes taps two steps away.
+pub fn reach_of(levels: u32) -> Reach {
+    Reach { pixels: (0..levels).map(|level| 2 * (1usize << level) + 1).sum(), ..Reach::NONE }
+}
+
+/// How far the stage looks.
+pub fn reach(s: &Wavelet) -> Reach {
+    reach_of(s.levels.max(s.transmission_levels))
+}

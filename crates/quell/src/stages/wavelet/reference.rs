@@ -1,0 +1,101 @@
+//! The specification of stage 3 of the sequence filter.
+
+use super::{LEAST_CONTRAST, LEAST_VARIANCE, SPLINE, TENT, levels, tolerance};
+use crate::kernels::guide_distance::{Class, guide_distance, weight};
+use crate::kernels::math::luminance;
+use crate::sequence::settings::Wavelet;
+use crate::stages::feature_noise::LocalFeatures;
+use crate::window::{Features, LightSlot, Rows};
+
+/// Filters every light on the whole image. `colours`: three channels a plane, as `slots` place them; `variance`: one
+/// channel a light, of its luminance.
+pub fn run(local: &LocalFeatures, slots: &[LightSlot], mut colours: Rows, mut variance: Rows, s: &Wavelet) -> Rows {
+    for (l, slot) in slots.iter().enumerate() {
+        for level in 0..levels(s, slot.kind) {
+            (colours, variance) = a_level(local, slot, l, 1 << level, &colours, &variance, s);
+        }
+    }
+    colours
+}
+
+/// One level of one light; the other lights stay as they are.
+fn a_level(
+    local: &LocalFeatures,
+    slot: &LightSlot,
+    l: usize,
+    step: isize,
+    colours: &Rows,
+    variance: &Rows,
+    s: &Wavelet,
+) -> (Rows, Rows) {
+    let (w, h) = (local.size.width, local.size.height);
+    let class = Class::of(slot.kind);
+    let mean: Vec<[f64; 2]> =
+        (0..w * h).map(|p| mean_around(local, slot, l, (p % w, p / w), colours, variance, s)).collect();
+    let (mut filtered, mut filtered_variance) = (colours.clone(), variance.clone());
+    for y in 0..h {
+        for x in 0..w {
+            let mirror = Features::can_reflect(slot.kind) && local.is_mirror(y * w + x);
+            let deviations = f64::from(if mirror { s.mirror } else { tolerance(s, slot.kind) });
+            let mut sums = vec![[0.0f64; 3]; slot.planes];
+            let (mut total, mut squares) = (0.0f64, 0.0f64);
+            for (dx, dy) in (-2..=2isize).flat_map(|dy| (-2..=2isize).map(move |dx| (dx, dy))) {
+                let (qx, qy) = (x as isize + dx * step, y as isize + dy * step);
+                if qx < 0 || qy < 0 || qx >= w as isize || qy >= h as isize {
+                    continue;
+                }
+                let q = (qx as usize, qy as usize);
+                let share = f64::from(SPLINE[dx.unsigned_abs()] * SPLINE[dy.unsigned_abs()]);
+                let stop = luminance_stop(mean[y * w + x], mean[q.1 * w + q.0], deviations);
+                let distance = f64::from(guide_distance(local, class, (x, y), q, s)) + stop;
+                let tap = if (dx, dy) == (0, 0) { share } else { share * f64::from(weight(distance as f32)) };
+                for (k, sum) in sums.iter_mut().enumerate() {
+                    let colour = colours.colour(q.0, q.1, 3 * (slot.first + k));
+                    for c in 0..3 {
+                        sum[c] += tap * f64::from(colour[c]);
+                    }
+                }
+                squares += tap * tap * f64::from(variance.at(q.0, q.1, l));
+                total += tap;
+            }
+            for (k, sum) in sums.iter().enumerate() {
+                for c in 0..3 {
+                    filtered.set(x, y, 3 * (slot.first + k) + c, (sum[c] / total) as f32);
+                }
+            }
+            filtered_variance.set(x, y, l, (squares / (total * total)) as f32);
+        }
+    }
+    (filtered, filtered_variance)
+}
+
+/// Mean luminance over 3x3 of the same surface, and its variance.
+fn mean_around(
+    local: &LocalFeatures,
+    slot: &LightSlot,
+    l: usize,
+    (x, y): (usize, usize),
+    colours: &Rows,
+    variance: &Rows,
+    s: &Wavelet,
+) -> [f64; 2] {
+    let (mut mean, mut spread, mut total) = (0.0f64, 0.0f64, 0.0f64);
+    for qy in y.saturating_sub(1)..(y + 2).min(local.size.height) {
+        for qx in x.saturating_sub(1)..(x + 2).min(local.size.width) {
+            let distance = guide_distance(local, Class::of(slot.kind), (x, y), (qx, qy), s);
+            let g = f64::from(TENT[x.abs_diff(qx)] * TENT[y.abs_diff(qy)] * weight(distance));
+            mean += g * f64::from(luminance(colours.colour(qx, qy, 3 * slot.first)));
+            spread += g * g * f64::from(variance.at(qx, qy, l));
+            total += g;
+        }
+    }
+    [mean / total, spread / (total * total)]
+}
+
+/// The difference of two means, squared, beyond the variance of both, in squared deviations.
+fn luminance_stop([mean_p, variance_p]: [f64; 2], [mean_q, variance_q]: [f64; 2], deviations: f64) -> f64 {
+    let v = variance_p + variance_q;
+    let contrast = f64::from(LEAST_CONTRAST) * mean_p;
+    let beyond = ((mean_p - mean_q).powi(2) - v).max(0.0);
+    beyond / (deviations * deviations * v + contrast * contrast + f64::from(LEAST_VARIANCE))
+}

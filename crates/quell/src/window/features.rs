@@ -1,0 +1,260 @@
+//! Feature buffers (AOVs) of a frame, as they wait in a window of frames.
+//!
+//! Feature buffers of other renderers are means over the pixel's samples (or one sample of it) and may be absent. Planes
+//! in space are linear in 1/z over the image, so a slope of 1/z predicts a neighbour's depth without any camera.
+
+use super::mirrors::mirror_colour;
+use super::packed::Packed;
+use crate::frame::Rgb;
+use crate::kernels::guide_distance::Class;
+use crate::par;
+use crate::plane::{Plane, Size};
+use crate::sequence::{LightKind, SequenceFrame};
+
+/// What a pixel shows first.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct SurfacePoint {
+    /// 1 / depth, depth along the camera's axis; 0: background, or no depth at all.
+    pub inverse_depth: f32,
+    /// Unit shading normal in world space, or zeros.
+    pub normal: [f32; 3],
+    /// World position, or zeros.
+    pub position: [f32; 3],
+}
+
+/// Where a pixel's surface lies in the neighbouring frames: pixel + motion, in pixels, y down. NaN: unknown.
+#[derive(Clone, Debug, Default)]
+pub struct MotionPlanes {
+    /// Motion of surfaces to the frame before.
+    pub to_previous: Option<Plane<[f32; 2]>>,
+    /// Motion of surfaces to the next frame.
+    pub to_next: Option<Plane<[f32; 2]>>,
+    /// Motion of what mirrors and clear glass show, to the frame before; at other pixels the surface's. `None`: the
+    /// surface's everywhere.
+    pub reflection_to_previous: Option<Plane<[f32; 2]>>,
+    /// The same to the next frame.
+    pub reflection_to_next: Option<Plane<[f32; 2]>>,
+}
+
+impl MotionPlanes {
+    /// Motion forward or backward in time, of surfaces or of what mirrors and glass show.
+    pub fn get(&self, forward: bool, reflected: bool) -> Option<&Plane<[f32; 2]>> {
+        let (surface, reflection) = if forward {
+            (&self.to_next, &self.reflection_to_next)
+        } else {
+            (&self.to_previous, &self.reflection_to_previous)
+        };
+        if reflected { reflection.as_ref().or(surface.as_ref()) } else { surface.as_ref() }
+    }
+}
+
+/// Feature buffers of a frame, or of a band of its rows.
+#[derive(Clone, Debug)]
+pub struct Features {
+    /// Extent of what is here.
+    pub size: Size,
+    /// Row of the picture at which the band begins.
+    pub first_row: usize,
+    /// Rows of the picture.
+    pub picture_height: usize,
+    /// Row by row.
+    pub surface: Vec<SurfacePoint>,
+    /// Motion to the neighbouring frames.
+    pub motion: MotionPlanes,
+    /// Tone-mapped albedo and unit normal seen in mirrors and through glass; `None`: absent.
+    pub(crate) seen: Option<Packed>,
+    /// Which of the two there are.
+    pub(crate) has_seen: [bool; 2],
+    /// That albedo's mean over 3x3: what a mirror shows there without its aliasing.
+    pub(crate) seen_around: Option<Packed>,
+    /// Tone-mapped colour of the surface, where a light needs it.
+    pub(crate) albedo: Option<Packed>,
+    /// The colour that light in mirrors and clear glass was divided by; 1 at other pixels. `None`: nothing was divided.
+    pub(crate) mirror_colour: Option<Packed>,
+    /// World-space size of a pixel per unit of depth; 0 where positions are unknown.
+    pub pixel_angle: f32,
+}
+
+/// Depths beyond it are background, whatever a renderer writes there (Cycles: 1e10).
+const FAR: f32 = 1e9;
+
+impl Features {
+    /// The feature buffers of a frame, whose planes must have the frame's extent.
+    pub fn new(frame: &SequenceFrame) -> Self {
+        let (w, h) = (frame.size.width, frame.size.height);
+        let mut surface = vec![SurfacePoint::default(); frame.size.pixels()];
+        par::rows(&mut surface, w, |y, row| {
+            for (x, s) in row.iter_mut().enumerate() {
+                if let Some(depth) = &frame.depth {
+                    let z = depth.at(x, y);
+                    s.inverse_depth = if z > 0.0 && z < FAR { 1.0 / z } else { 0.0 };
+                }
+                s.normal = frame.normal.as_ref().map_or([0.0; 3], |n| unit(n.at(x, y)));
+                if let Some(position) = &frame.position {
+                    let p = position.at(x, y);
+                    if p.iter().all(|c| c.is_finite()) {
+                        s.position = p;
+                    }
+                }
+            }
+        });
+        let pixel_angle = if frame.position.is_some() { pixel_angle(&surface, w, h) } else { 0.0 };
+        let (albedo, normal) = (frame.seen_albedo.as_ref(), frame.seen_normal.as_ref());
+        let has_seen = [albedo.is_some(), normal.is_some()];
+        let seen = has_seen.contains(&true).then(|| {
+            Packed::new(frame.size, 2, |k, i| {
+                if k == 0 {
+                    albedo.map_or([0.0; 3], |p| tone_mapped(p.data()[i]))
+                } else {
+                    normal.map_or([0.0; 3], |p| unit(p.data()[i]))
+                }
+            })
+        });
+        let seen_around = seen.as_ref().filter(|_| has_seen[0]).map(|seen| mean_around(seen, frame.size));
+        let coloured = frame.lights.iter().any(|light| Class::of(light.kind) == Class::Coloured);
+        let albedo = frame.albedo.as_ref().filter(|_| coloured);
+        let albedo = albedo.map(|p| Packed::new(frame.size, 1, |_, i| tone_mapped(p.data()[i])));
+        Self {
+            size: frame.size,
+            first_row: 0,
+            picture_height: h,
+            surface,
+            motion: MotionPlanes {
+                to_previous: frame.motion_to_previous.clone(),
+                to_next: frame.motion_to_next.clone(),
+                ..MotionPlanes::default()
+            },
+            seen,
+            has_seen,
+            seen_around,
+            albedo,
+            mirror_colour: mirror_colour(frame),
+            pixel_angle,
+        }
+    }
+
+    /// True where pixel `p` is a mirror or clear glass.
+    pub fn is_mirror(&self, p: usize) -> bool {
+        self.mirror_colour.as_ref().is_some_and(|colour| colour.at(0, p) != [1.0; 3])
+    }
+
+    /// True where light of that kind is the image of other things in a mirror or glass: it has a motion of its own.
+    pub fn reflects(&self, p: usize, kind: LightKind) -> bool {
+        Self::can_reflect(kind) && self.is_mirror(p)
+    }
+
+    /// True where mirrors and glass show light of that kind.
+    pub fn can_reflect(kind: LightKind) -> bool {
+        matches!(kind, LightKind::GlossyIndirect | LightKind::Transmission)
+    }
+
+    /// The row here of a row of the picture, where it is here.
+    #[inline(always)]
+    pub(crate) fn row_here(&self, y: isize) -> Option<usize> {
+        let here = y - self.first_row as isize;
+        (here >= 0 && here < self.size.height as isize).then_some(here as usize)
+    }
+
+    /// Rows that motion leads up or down at most, to the frame before and to the next, as far as it stays in the picture.
+    pub(crate) fn rows_moved(&self) -> [f32; 2] {
+        let height = self.picture_height as f32;
+        let most = |motion: &Option<Plane<[f32; 2]>>| {
+            let Some(motion) = motion else { return 0.0 };
+            let moved = motion.data().iter().enumerate().map(|(i, m)| {
+                let y = (self.first_row + i / self.size.width) as f32 + m[1];
+                if y > -2.0 && y < height + 1.0 { m[1].abs() } else { 0.0 }
+            });
+            moved.fold(0.0, f32::max)
+        };
+        let m = &self.motion;
+        [most(&m.to_previous).max(most(&m.reflection_to_previous)), most(&m.to_next).max(most(&m.reflection_to_next))]
+    }
+
+    /// Motion to the next frame from that frame's motion to this one: each of its pixels says where it was; of those
+    /// that meet in a pixel the nearest to the eye wins. Known motion stays.
+    pub(crate) fn derive_motion_to_next(&mut self, next: &Self) {
+        let (w, h) = (self.size.width, self.size.height);
+        let Some(back) = &next.motion.to_previous else { return };
+        let mut motion = Plane::filled(self.size, [f32::NAN; 2]);
+        let mut nearest = vec![f32::MIN; w * h];
+        for y in 0..h {
+            for x in 0..w {
+                let m = back.at(x, y);
+                let (px, py) = ((x as f32 + m[0]).round(), (y as f32 + m[1]).round());
+                if !(px >= 0.0 && py >= 0.0 && px < w as f32 && py < h as f32) {
+                    continue;
+                }
+                let p = py as usize * w + px as usize;
+                let closeness = next.surface[y * w + x].inverse_depth;
+                if closeness > nearest[p] {
+                    nearest[p] = closeness;
+                    motion.data_mut()[p] = [-m[0], -m[1]];
+                }
+            }
+        }
+        match &mut self.motion.to_next {
+            None => self.motion.to_next = Some(motion),
+            Some(known) => {
+                for (known, found) in known.data_mut().iter_mut().zip(motion.data()) {
+                    if known.iter().any(|v| v.is_nan()) {
+                        *known = *found;
+                    }
+                }
+            }
+        }
+    }
+
+    /// True where motion to the next frame is unknown somewhere: files hold none for the sky.
+    pub(crate) fn lacks_motion_to_next(&self) -> bool {
+        self.motion.to_next.as_ref().is_none_or(|motion| motion.data().iter().flatten().any(|v| v.is_nan()))
+    }
+}
+
+/// Means over 3x3 of the first plane.
+fn mean_around(seen: &Packed, size: Size) -> Packed {
+    let (w, h) = (size.width, size.height);
+    Packed::new(size, 1, |_, i| {
+        let (x, y) = (i % w, i / w);
+        let (mut sum, mut n) = ([0.0f32; 3], 0.0);
+        for qy in y.saturating_sub(1)..(y + 2).min(h) {
+            for qx in x.saturating_sub(1)..(x + 2).min(w) {
+                let colour = seen.at(0, qy * w + qx);
+                for c in 0..3 {
+                    sum[c] += colour[c];
+                }
+                n += 1.0;
+            }
+        }
+        sum.map(|s| s / n)
+    })
+}
+
+/// Colour in 0..2.
+fn tone_mapped(colour: Rgb) -> Rgb {
+    colour.map(|v| if v.is_finite() && v > 0.0 { 2.0 * (v / (1.0 + v)) } else { 0.0 })
+}
+
+fn unit(n: [f32; 3]) -> [f32; 3] {
+    let length = (n[0] * n[0] + n[1] * n[1] + n[2] * n[2]).sqrt();
+    if length > 1e-3 && length.is_finite() { n.map(|c| c / length) } else { [0.0; 3] }
+}
+
+/// World-space distance of neighbouring pixels over their depth, of the surfaces that face the camera most directly.
+fn pixel_angle(surface: &[SurfacePoint], w: usize, h: usize) -> f32 {
+    let mut ratios: Vec<f32> = Vec::new();
+    for y in (0..h).step_by(4) {
+        for x in (0..w.saturating_sub(1)).step_by(3) {
+            let (a, b) = (&surface[y * w + x], &surface[y * w + x + 1]);
+            let d = (0..3).map(|c| (a.position[c] - b.position[c]).powi(2)).sum::<f32>().sqrt();
+            let ratio = d * a.inverse_depth;
+            if ratio > 0.0 && ratio.is_finite() {
+                ratios.push(ratio);
+            }
+        }
+    }
+    if ratios.is_empty() {
+        return 0.0;
+    }
+    let rank = ratios.len() / 10;
+    *ratios.select_nth_unstable_by(rank, f32::total_cmp).1
+}

@@ -1,0 +1,27 @@
+//! Frames of a sequence as the stages read them: feature buffers, samples in half precision, bands of rows.
+//!
+//! ```text
+//! features.rs    feature buffers of a frame, from either contract
+//! mirrors.rs     which pixels are mirrors or clear glass, and the colour of what they show
+//! prepared.rs    a frame made ready: its feature buffers and its light
+//! packed.rs      colours in half precision
+//! rows.rs        images of many channels, row by row
+//! spool.rs       frames as bytes outside of memory, read back in bands of rows
+//! ```
+//!
+//! A band of rows knows where it lies in the picture ([`Features::first_row`]), so that every stage gives the bits that
+//! it gives for the whole picture.
+
+pub(crate) mod features;
+mod mirrors;
+pub(crate) mod packed;
+pub(crate) mod prepared;
+pub(crate) mod rows;
+pub(crate) mod spool;
+
+pub use features::{Features, MotionPlanes, SurfacePoint};
+pub(crate) use packed::{Packed, Weight};
+pub(crate) use prepared::Samples;
+pub use prepared::{LightSlot, PreparedFrame};
+pub use rows::Rows;
+pub use spool::SpooledFrame;
