@@ -14,7 +14,6 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     camera.jitter = [0.25, -0.125];
     let mut frame = FrameBuf::new(size, camera);
     frame.index = 12;
-    frame.exposure = 1.5;
     let colour = |k: f32| Some(Plane::from_fn(size, |x, y| [x as f32 * k, y as f32 * k, (x + y) as f32 * k]));
     let float = |k: f32| Some(Plane::from_fn(size, |x, y| (x + 100 * y) as f32 * k));
     frame.direct = colour(0.5);
@@ -42,6 +41,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             content: Content::Noisy,
             scene: "example".to_owned(),
             sampling: "estimator exact, 1 sample a pixel".to_owned(),
+            exposure: 1.5,
             ..Metadata::default()
         },
         ..FrameToWrite::new(frame.frame(&passes))

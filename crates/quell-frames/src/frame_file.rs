@@ -65,7 +65,7 @@ pub struct HalfBuf {
 /// and passes into a copy of the input: `Frame { matte: Some(filtered.view()), ..frame }`.
 #[derive(Clone, Debug)]
 pub struct FrameToWrite<'a> {
-    /// Cameras, number, exposure, guides, weights, signals, passes.
+    /// Cameras, number, guides, weights, signals, passes.
     pub frame: Frame<'a>,
     /// The picture. Absent: direct plus every signal times its weight.
     pub composite: Option<PlaneRef<'a, Rgb>>,
@@ -100,7 +100,7 @@ impl<'a> FrameToWrite<'a> {
 /// Everything that was read from one file.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FrameFile {
-    /// Cameras, number, exposure, guides, weights, signals, passes.
+    /// Cameras, number, guides, weights, signals, passes.
     pub frame: FrameBuf,
     /// The picture that the file holds.
     pub composite: Option<Plane<Rgb>>,
@@ -333,7 +333,7 @@ fn header(path: &Path, file: &FrameToWrite<'_>, implied: &[&str]) -> Result<BTre
     put(attribute::CONTENT, words(metadata.content.name())?);
     // An integer where it fits, so that other programs can use it; any i64 must survive.
     put(attribute::FRAME, i32::try_from(frame.index).map_or(words(&frame.index.to_string())?, V::I32));
-    put(attribute::EXPOSURE, V::F32(frame.exposure));
+    put(attribute::EXPOSURE, V::F32(metadata.exposure));
     for (names, camera) in [(attribute::CAMERA, &frame.camera), (attribute::PREVIOUS_CAMERA, &frame.previous_camera)] {
         let [x, y, z] = camera.position;
         put(names[0], V::Matrix4x4(camera.clip_from_world));
@@ -406,6 +406,10 @@ impl LayerReader<'_> {
                 Some(AttributeValue::F32(value)) => *value,
                 Some(_) => return Err(self.wrong_kind(attribute::FRAMES_PER_SECOND)),
             },
+            exposure: match self.part.attributes.get(attribute::EXPOSURE) {
+                Some(AttributeValue::F32(value)) => *value,
+                _ => return Err(self.wrong_kind(attribute::EXPOSURE)),
+            },
         };
         for layer in self.words(attribute::IMPLIED)?.split_whitespace() {
             self.part.channels.remove(layer);
@@ -417,10 +421,6 @@ impl LayerReader<'_> {
         let mut frame = FrameBuf::new(self.part.size, self.camera(attribute::CAMERA)?);
         frame.previous_camera = self.camera(attribute::PREVIOUS_CAMERA)?;
         frame.index = self.index()?;
-        frame.exposure = match self.part.attributes.get(attribute::EXPOSURE) {
-            Some(AttributeValue::F32(value)) => *value,
-            _ => return Err(self.wrong_kind(attribute::EXPOSURE)),
-        };
         frame.direct = self.colour(c::DIRECT)?;
         frame.matte = self.colour(c::MATTE)?;
         frame.glossy = self.colour(c::GLOSSY)?;

@@ -27,7 +27,7 @@ impl Content {
 }
 
 /// Header attributes that are not part of a `Frame`. Texts may hold any characters; empty ones are not written.
-#[derive(Clone, Debug, PartialEq, Default)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Metadata {
     /// What the colours are.
     pub content: Content,
@@ -45,4 +45,23 @@ pub struct Metadata {
     pub mapping: String,
     /// Frames a second, 0: unknown.
     pub frames_per_second: f32,
+    /// Brightness that the picture is meant for: viewers multiply light by it before a tone curve; > 0. No filter reads it.
+    pub exposure: f32,
+}
+
+impl Default for Metadata {
+    /// Noisy, without texts, exposure 1.
+    fn default() -> Self {
+        Self {
+            content: Content::default(),
+            version: String::new(),
+            scene: String::new(),
+            scene_hash: String::new(),
+            sampling: String::new(),
+            settings: String::new(),
+            mapping: String::new(),
+            frames_per_second: 0.0,
+            exposure: 1.0,
+        }
+    }
 }

@@ -40,7 +40,12 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             composite: Some(output.composite.view()),
             confidence: Some(output.confidence.view()),
             history_length: Some(output.history_length.view()),
-            metadata: Metadata { content: Content::Denoised, scene: scene.name.clone(), ..Metadata::default() },
+            metadata: Metadata {
+                content: Content::Denoised,
+                scene: scene.name.clone(),
+                exposure: scene.exposure,
+                ..Metadata::default()
+            },
             ..FrameToWrite::new(filtered)
         };
         write_frame(&frame_path(folder, "denoised", index), &file, &WriteOptions::default())?;

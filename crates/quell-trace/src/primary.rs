@@ -123,7 +123,8 @@ fn mirrored(p: Vec3, point: Vec3, normal: Vec3) -> Vec3 {
 impl Integrator<'_, '_> {
     /// The ray through a place of the picture: origin, direction and the cone of one pixel.
     pub(crate) fn eye_ray(&self, views: &Views, pixel: Vec2) -> (Vec3, Vec3, Cone) {
-        let at = |p: Vec2| (views.now.ray_origin(p), views.now.ray_direction(p).normalize_or(views.now.forward));
+        let at =
+            |p: Vec2| (views.now.ray_origin(p), views.now.ray_direction(p).normalize_or(views.now.forward().into()));
         let (origin, direction) = at(pixel);
         let mut cone = Cone { sharp: true, ..Cone::FINEST };
         if self.world.painted {
@@ -296,7 +297,7 @@ fn background(views: &Views, direction: Vec3, bent: bool) -> Guides {
             _ => Vec2::NAN,
         },
         // An orthographic camera sees one direction everywhere: unknown unless it did not turn.
-        (false, false) if views.now.forward == views.before.forward => Vec2::ZERO,
+        (false, false) if views.now.forward() == views.before.forward() => Vec2::ZERO,
         _ => Vec2::NAN,
     };
     Guides {

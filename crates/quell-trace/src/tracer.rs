@@ -388,7 +388,6 @@ impl<'s> Tracer<'s> {
         let mut frame = FrameBuf::new(size, views.camera);
         frame.previous_camera = views.previous_camera;
         frame.index = self.frame;
-        frame.exposure = self.scene.exposure;
         let variances = options.variances && options.samples > 1;
 
         let mut direct = Plane::filled(size, [0.0; 3]);

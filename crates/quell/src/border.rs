@@ -330,7 +330,7 @@ pub struct Guides {
     /// The camera of the frame before, for the motion of what does not move by itself.
     pub previous_view: Projection,
     /// This frame's sample positions relative to pixel centres.
-    pub jitter: Vec2,
+    pub(crate) jitter: Vec2,
 }
 
 impl Guides {

@@ -121,13 +121,13 @@ pub struct Projection {
     pub(crate) v: (DVec3, f64),
     pub(crate) w: (DVec3, f64),
     /// Unit viewing direction, world space.
-    pub forward: Vec3,
+    pub(crate) forward: Vec3,
     /// Eye position, world space.
-    pub eye: Vec3,
+    pub(crate) eye: Vec3,
     /// World position of view depth 0 for pixel coordinate (u, v): `origin[0] + u origin[1] + v origin[2]`.
-    pub origin: [Vec3; 3],
-    /// World displacement of one unit of view depth, likewise affine in the pixel coordinate.
-    pub direction: [Vec3; 3],
+    pub(crate) origin: [Vec3; 3],
+    /// World displacement of one unit of view depth, affine in the pixel coordinate as `origin` is.
+    pub(crate) direction: [Vec3; 3],
     /// Focal length in pixels (rows); orthographic: pixels a unit of length.
     pub focal_px: f32,
     /// False for orthographic cameras.
@@ -135,6 +135,16 @@ pub struct Projection {
 }
 
 impl Projection {
+    /// Unit viewing direction, world space.
+    pub fn forward(&self) -> [f32; 3] {
+        self.forward.to_array()
+    }
+
+    /// Eye position, world space.
+    pub fn eye(&self) -> [f32; 3] {
+        self.eye.to_array()
+    }
+
     /// World position at view depth 0 for a pixel coordinate: the eye, or a point of an orthographic camera's plane.
     #[inline]
     pub fn ray_origin(&self, pixel: Vec2) -> Vec3 {

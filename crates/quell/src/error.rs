@@ -73,12 +73,6 @@ pub enum Error {
         /// `camera` or `previous_camera`.
         which: &'static str,
     },
-    /// The exposure is not a positive finite number.
-    #[error("exposure {value} is not a positive finite number")]
-    Exposure {
-        /// The value given.
-        value: f32,
-    },
     /// A parameter that does not exist.
     #[error("unknown parameter `{name}`{}", nearest_hint(.nearest))]
     UnknownParameter {

@@ -44,9 +44,10 @@ pub struct Pass<'a> {
     pub plane: PlaneRef<'a, Rgb>,
 }
 
-/// Everything the denoiser reads of one frame; it borrows and never copies without need.
+/// What a renderer hands over of one frame; it borrows and never copies without need.
 ///
-/// An absent plane has the meaning that its comment gives. All planes present have the extent `size`.
+/// An absent plane has the meaning that its comment gives. All planes present have the extent `size`. Preset `paper` reads
+/// every plane but those whose comment says that no preset reads them: files keep them for a preset to come.
 #[derive(Clone, Copy, Debug)]
 pub struct Frame<'a> {
     /// Extent of every plane.
@@ -57,17 +58,17 @@ pub struct Frame<'a> {
     pub previous_camera: Camera,
     /// Number of the frame. A frame that does not follow its predecessor by one (in either direction) is a cut.
     pub index: i64,
-    /// Scales weights and clamps, never the output; > 0, finite.
-    pub exposure: f32,
     /// Radiance that needs no filter: noise-free direct light, emission, background. Absent: zeros.
     pub direct: Option<PlaneRef<'a, Rgb>>,
-    /// Indirect light of the matte lobe, mean over its paths, without its weight. Absent: costs nothing.
+    /// Indirect light of the matte (diffuse) lobe, mean over its paths, without its weight. Absent: costs nothing.
     pub matte: Option<PlaneRef<'a, Rgb>>,
-    /// Indirect light of the glossy lobe, likewise.
+    /// Indirect light of the glossy (specular) lobe, mean over its paths, without its weight. Absent: costs nothing.
     pub glossy: Option<PlaneRef<'a, Rgb>>,
-    /// Noisy direct light of the matte lobe, without its weight. Passed through unfiltered by preset `paper`.
+    /// Noisy direct light of the matte lobe, without its weight. Absent: zeros. Preset `paper` adds it to the picture
+    /// unfiltered.
     pub direct_matte: Option<PlaneRef<'a, Rgb>>,
-    /// Noisy direct light of the glossy lobe, likewise.
+    /// Noisy direct light of the glossy lobe, without its weight. Absent: zeros. Preset `paper` adds it to the picture
+    /// unfiltered.
     pub direct_glossy: Option<PlaneRef<'a, Rgb>>,
     /// What multiplies the matte signals back; may exceed 1. Absent: 1.
     pub matte_weight: Option<PlaneRef<'a, Rgb>>,
@@ -85,15 +86,16 @@ pub struct Frame<'a> {
     /// World-space distance from the surface to what the glossy ray hit; +inf: it left the scene. Absent: no virtual
     /// reprojection.
     pub glossy_hit_distance: Option<PlaneRef<'a, f32>>,
-    /// Likewise of the matte ray.
+    /// World-space distance from the surface to what the matte (diffuse) ray hit; +inf: it left the scene. No preset reads it
+    /// yet.
     pub matte_hit_distance: Option<PlaneRef<'a, f32>>,
     /// Object or material; differing ids never share light. Absent: all equal.
     pub surface_id: Option<PlaneRef<'a, u32>>,
-    /// Coverage 0..1. Absent: 1.
+    /// Coverage 0..1. Absent: 1. No preset reads it yet.
     pub alpha: Option<PlaneRef<'a, f32>>,
-    /// Variance of the matte signal's pixel mean, luminance. Absent: estimated.
+    /// Variance of the matte signal's pixel mean, luminance squared. No preset reads it yet.
     pub matte_variance: Option<PlaneRef<'a, f32>>,
-    /// Variance of the glossy signal's pixel mean, luminance. Absent: estimated.
+    /// Variance of the glossy signal's pixel mean, luminance squared. No preset reads it yet.
     pub glossy_variance: Option<PlaneRef<'a, f32>>,
     /// The host's trust in history, 0..1; 0 resets that pixel. Absent: 1.
     pub confidence_in: Option<PlaneRef<'a, f32>>,
@@ -109,7 +111,6 @@ impl<'a> Frame<'a> {
             camera,
             previous_camera: camera,
             index: 0,
-            exposure: 1.0,
             direct: None,
             matte: None,
             glossy: None,
@@ -164,10 +165,10 @@ impl<'a> Frame<'a> {
         })
     }
 
-    /// Checks extents, cameras and exposure; pixel values are repaired and counted where the denoiser reads them.
+    /// Checks extents and cameras; pixel values are repaired and counted where the denoiser reads them.
     ///
     /// # Errors
-    /// The first plane of another extent, a pass without its signal, a camera or an exposure that cannot be used.
+    /// The first plane of another extent, a pass without its signal, a camera that cannot be used.
     pub fn check(&self, expected: Size) -> Result<(), Error> {
         if expected.width == 0 || expected.height == 0 {
             return Err(Error::EmptySize { size: expected });
@@ -206,9 +207,6 @@ impl<'a> Frame<'a> {
                 return Err(Error::Camera { which });
             }
         }
-        if !(self.exposure.is_finite() && self.exposure > 0.0) {
-            return Err(Error::Exposure { value: self.exposure });
-        }
         Ok(())
     }
 }
@@ -233,7 +231,6 @@ pub struct FrameBuf {
     pub camera: Camera,
     pub previous_camera: Camera,
     pub index: i64,
-    pub exposure: f32,
     pub direct: Option<Plane<Rgb>>,
     pub matte: Option<Plane<Rgb>>,
     pub glossy: Option<Plane<Rgb>>,
@@ -263,7 +260,6 @@ impl FrameBuf {
             camera,
             previous_camera: camera,
             index: 0,
-            exposure: 1.0,
             direct: None,
             matte: None,
             glossy: None,
@@ -301,7 +297,6 @@ impl FrameBuf {
             camera: self.camera,
             previous_camera: self.previous_camera,
             index: self.index,
-            exposure: self.exposure,
             direct: view(&self.direct),
             matte: view(&self.matte),
             glossy: view(&self.glossy),

@@ -93,6 +93,7 @@ fn make_references(
             content: Content::Reference,
             scene: format!("{} camera {CAMERA}", scene.name),
             scene_hash: hash.clone(),
+            exposure: scene.exposure,
             sampling: format!("2 x {} samples a pixel, both halves averaged; {}", spp.div_ceil(2), context.command),
             ..Metadata::default()
         };

@@ -37,6 +37,8 @@ struct Loaded {
     numbers: Vec<i64>,
     pictures: Vec<Plane<Rgb>>,
     guides: Vec<FrameBuf>,
+    /// Brightness that the first frame with guides is meant for.
+    exposure: Option<f32>,
     references: Vec<Plane<Rgb>>,
     /// A and B; empty unless every reference has them.
     halves: Vec<[Plane<Rgb>; 2]>,
@@ -135,7 +137,7 @@ fn load(
         let expected = *size.get_or_insert(reference.frame.size);
         same_size(result_path, result.frame.size, expected)?;
         same_size(reference_path, reference.frame.size, expected)?;
-        let (result_exposure, exposure) = (result.frame.exposure, reference.frame.exposure);
+        let (result_exposure, exposure) = (result.metadata.exposure, reference.metadata.exposure);
         if result_exposure != exposure && done == 0 {
             loaded.notes.push(format!(
                 "The result was made for exposure {result_exposure}, the reference for {exposure}; pictures are compared as \
@@ -150,13 +152,14 @@ fn load(
             _ => halves = None,
         }
         loaded.direct.push(frame.direct.clone());
-        let frame = if guides.is_some() {
-            let guide = read_frame(guide_path)?.frame;
-            same_size(guide_path, guide.size, expected)?;
-            guide
+        let (frame, exposure) = if guides.is_some() {
+            let guide = read_frame(guide_path)?;
+            same_size(guide_path, guide.frame.size, expected)?;
+            (guide.frame, guide.metadata.exposure)
         } else {
-            frame
+            (frame, exposure)
         };
+        loaded.exposure.get_or_insert(exposure);
         // Signals are not read again; memory is better spent on frames.
         loaded.guides.push(FrameBuf { matte: None, glossy: None, passes: Vec::new(), ..frame });
         loaded.numbers.push(number);
@@ -227,10 +230,10 @@ fn chosen(
 }
 
 fn score(context: &Context, args: &ScoreArgs, loaded: Loaded, warm_up: usize) -> Result<(), Failure> {
-    let Loaded { numbers, pictures, guides, references, halves, direct, mut notes } = loaded;
+    let Loaded { numbers, pictures, guides, exposure, references, halves, direct, mut notes } = loaded;
     let count = numbers.len();
     let scored = warm_up..count;
-    let tone = Tone { exposure: guides.first().map_or(1.0, |g| g.exposure) };
+    let tone = Tone { exposure: exposure.unwrap_or(1.0) };
     let with_depth = scored.clone().map(|t| (&references[t], guides[t].view_depth.as_ref()));
     let exposures = Exposures::from_reference(with_depth)?;
     let progress = Progress::new("measured frame", scored.len(), context.quiet);

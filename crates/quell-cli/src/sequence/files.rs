@@ -34,6 +34,8 @@ pub struct Labels {
     pub sampling: String,
     /// TOML.
     pub settings: String,
+    /// Brightness of pictures.
+    pub exposure: f32,
 }
 
 impl Files {
@@ -172,6 +174,7 @@ impl Labels {
             scene_hash: self.scene_hash.clone(),
             sampling: self.sampling.clone(),
             frames_per_second: FRAMES_PER_SECOND,
+            exposure: self.exposure,
             ..Metadata::default()
         }
     }

@@ -286,6 +286,7 @@ impl Job {
             scene_hash: quell_trace::scene_hash(&self.scene, &self.options),
             sampling: self.sampling(),
             settings: crate::context::settings_toml(context.preset, &context.settings),
+            exposure: self.scene.exposure,
         }
     }
 

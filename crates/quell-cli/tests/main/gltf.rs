@@ -71,16 +71,20 @@ fn a_file_gets_an_exposure_that_changes_pictures_only() {
         let output = run(&folder.0, &[&small[..], more].concat());
         assert_eq!(output.status.code(), Some(0), "{}", err(&output));
         let path = quell_frames::frame_path(&folder.0.join(name).join("noisy"), "noisy", 0);
-        (quell_frames::read_frame(&path).unwrap().frame, err(&output))
+        (quell_frames::read_frame(&path).unwrap(), err(&output))
     };
     let (found, said) = frame("found", &[]);
     let (given, silent) = frame("given", &["--exposure", "0.125"]);
-    assert!(said.contains(&format!("room.glb: exposure {} from its brightness", found.exposure)), "{said}");
+    assert!(said.contains(&format!("room.glb: exposure {} from its brightness", found.metadata.exposure)), "{said}");
     assert!(!silent.contains("from its brightness"), "{silent}");
-    assert_eq!(given.exposure, 0.125);
-    assert!(found.exposure > 0.0 && found.exposure != given.exposure && found.exposure != 1.0);
-    assert_eq!(found.direct.unwrap().data(), given.direct.unwrap().data());
-    assert_eq!(found.matte.unwrap().data(), given.matte.unwrap().data());
+    assert_eq!(given.metadata.exposure, 0.125);
+    assert!(
+        found.metadata.exposure > 0.0
+            && found.metadata.exposure != given.metadata.exposure
+            && found.metadata.exposure != 1.0
+    );
+    assert_eq!(found.frame.direct.unwrap().data(), given.frame.direct.unwrap().data());
+    assert_eq!(found.frame.matte.unwrap().data(), given.frame.matte.unwrap().data());
     let explained = run(&folder.0, &["explain", "room.glb"]);
     assert!(out(&explained).contains("exposure, from the brightness of the first frame"), "{}", out(&explained));
 }

@@ -46,7 +46,6 @@ fn full_file(size: Size) -> FrameFile {
     let mut frame = FrameBuf::new(size, camera(1.0));
     frame.previous_camera = camera(1.1);
     frame.index = -(1 << 40);
-    frame.exposure = 0.3;
     for plane in [
         &mut frame.direct,
         &mut frame.matte,
@@ -94,6 +93,7 @@ fn full_file(size: Size) -> FrameFile {
             settings: "[matte]\nradius = 3\n".to_owned(),
             mapping: "DiffInd = matte".to_owned(),
             frames_per_second: 24.0,
+            exposure: 0.3,
         },
         frame,
     }
@@ -178,7 +178,7 @@ fn assert_same(a: &FrameFile, b: &FrameFile) {
         assert!(a == b, "{name} differs");
     }
     assert_eq!(a.metadata, b.metadata);
-    let head = |f: &FrameFile| (f.frame.size, f.frame.camera, f.frame.previous_camera, f.frame.index, f.frame.exposure);
+    let head = |f: &FrameFile| (f.frame.size, f.frame.camera, f.frame.previous_camera, f.frame.index);
     assert_eq!(head(a), head(b));
 }
 

@@ -98,7 +98,7 @@ impl FolderSource {
             description: if m.sampling.is_empty() { self.folder.display().to_string() } else { m.sampling.clone() },
             size,
             scored: scored_of(&numbers, &referenced),
-            tone: Tone { exposure: first.frame.exposure },
+            tone: Tone { exposure: m.exposure },
             identity: identity(&frames, m)?,
             notes,
             numbers,

@@ -172,7 +172,7 @@ impl Runner<'_> {
             meter.released(std::mem::size_of_val(picture.data()));
             nanoseconds.push(whole_nanoseconds(time));
             let path = picture_path(folder, number);
-            clamped += write_picture(&path, &picture, &noisy.frame, &name)?;
+            clamped += write_picture(&path, &picture, &noisy.frame, (&name, sequence.tone.exposure))?;
             files.push(path);
             told(index + 1);
         }
@@ -241,7 +241,8 @@ fn given_frames(sequence: &Sequence, place: &Path) -> Result<PathBuf, Error> {
             }
             None => {
                 let noisy = sequence.frame(index)?;
-                let metadata = Metadata { scene: sequence.name.clone(), ..Metadata::default() };
+                let exposure = sequence.tone.exposure;
+                let metadata = Metadata { scene: sequence.name.clone(), exposure, ..Metadata::default() };
                 super::scene::write_noisy(&path, &noisy, metadata)?;
             }
         }
@@ -297,14 +298,15 @@ fn picture_path(folder: &Path, number: i64) -> PathBuf {
     frame_path(folder, "picture", number)
 }
 
-fn write_picture(path: &Path, picture: &Plane<Rgb>, of: &quell::FrameBuf, method: &str) -> Result<usize, Error> {
-    let frame = Frame {
-        index: of.index,
-        exposure: of.exposure,
-        previous_camera: of.previous_camera,
-        ..Frame::new(of.size, of.camera)
-    };
-    let metadata = Metadata { content: Content::Denoised, settings: method.to_owned(), ..Metadata::default() };
+fn write_picture(
+    path: &Path,
+    picture: &Plane<Rgb>,
+    of: &quell::FrameBuf,
+    (method, exposure): (&str, f32),
+) -> Result<usize, Error> {
+    let frame = Frame { index: of.index, previous_camera: of.previous_camera, ..Frame::new(of.size, of.camera) };
+    let metadata =
+        Metadata { content: Content::Denoised, settings: method.to_owned(), exposure, ..Metadata::default() };
     let file = FrameToWrite { composite: Some(picture.view()), metadata, ..FrameToWrite::new(frame) };
     let options = WriteOptions { colours: Precision::Half, overwrite: false };
     Ok(write_frame(path, &file, &options)?.clamped_to_half)

@@ -154,6 +154,7 @@ impl SceneSource<'_> {
             scene: format!("{} camera {}", self.scene.name, self.camera),
             scene_hash: scene_hash(self.scene, options),
             sampling: sampling(options),
+            exposure: self.scene.exposure,
             ..Metadata::default()
         };
         let path = self.folder.map(|folder| frame_path(&folder.join(NOISY), NOISY, number));
@@ -165,9 +166,7 @@ impl SceneSource<'_> {
                 == (&metadata.scene, &metadata.scene_hash, &metadata.sampling)
                 && (file.frame.index, file.frame.size) == (number, options.size);
             if same {
-                let mut found = noisy_frame(file);
-                found.frame.exposure = self.scene.exposure;
-                return Ok((found, Some(path.to_owned())));
+                return Ok((noisy_frame(file), Some(path.to_owned())));
             }
         }
         let tracer = Tracer::new(self.scene, number, self.camera).map_err(TraceError::Scene)?;

@@ -115,7 +115,7 @@ impl<'a> Surfaces<'a> {
         let offset = self.world[tap] - here.world;
         match (here.normal, self.normal(tap)) {
             (Some(a), Some(b)) => a.dot(b) >= SAME_NORMAL && offset.dot(a).abs() <= here.tolerance,
-            _ => offset.dot(self.view.forward).abs() <= 5.0 * here.tolerance,
+            _ => offset.dot(self.view.forward().into()).abs() <= 5.0 * here.tolerance,
         }
     }
 
@@ -177,7 +177,7 @@ impl<'a> Surfaces<'a> {
             let offset = before.world[tap] - world;
             match (own_motion, normal, before.normal(tap)) {
                 (false, Some(a), Some(b)) => a.dot(b) >= SAME_NORMAL && offset.dot(a).abs() <= tolerance,
-                (false, ..) => offset.dot(self.view.forward).abs() <= 5.0 * tolerance,
+                (false, ..) => offset.dot(self.view.forward().into()).abs() <= 5.0 * tolerance,
                 // It has moved by itself: its plane then is not known, its depth roughly is.
                 (true, a, b) => {
                     let same_normal = a.zip(b).is_none_or(|(a, b)| a.dot(b) >= SAME_NORMAL);

@@ -120,7 +120,7 @@ impl Scene {
         for y in 0..self.size.height {
             for x in 0..self.size.width {
                 let pixel = Vec2::new(x as f32 + 0.5, y as f32 + 0.5);
-                let Some(hit) = self.hit(now.eye, now.ray_direction(pixel), t) else { continue };
+                let Some(hit) = self.hit(now.eye().into(), now.ray_direction(pixel), t) else { continue };
                 depth.set(x, y, now.view_depth(hit.world));
                 normal.set(x, y, hit.normal.to_array());
                 id.set(x, y, hit.id);

@@ -230,7 +230,7 @@ fn a_plane_mirror_shows_the_unfolded_world() {
         let n = place.transform_vector3(Vec3::Z);
         let expected = -Vec3::Z + 2.0 * Vec3::Z.dot(n) * n;
         assert!((normal - expected).length() < 1e-4 || (normal + expected).length() < 1e-4, "{normal} {expected}");
-        assert!(normal.dot(virtual_point - before.eye) < 0.0);
+        assert!(normal.dot(virtual_point - Vec3::from(before.eye())) < 0.0);
         seen += 1;
     });
     assert!(seen > 1000, "{seen}");

@@ -20,9 +20,9 @@ pub const GLOSS_SCALE: f32 = 10.0;
 #[derive(Clone, Copy, Debug)]
 pub struct Surface {
     /// World position relative to the eye.
-    pub position: Vec3,
+    pub(crate) position: Vec3,
     /// World normal, unit.
-    pub normal: Vec3,
+    pub(crate) normal: Vec3,
     /// View depth; +inf: background.
     pub view_depth: f32,
     /// Perceptual roughness.

@@ -10,15 +10,22 @@ use glam::{Vec2, Vec3};
 #[derive(Clone, Copy, Debug)]
 pub struct Expected {
     /// Its place in the previous image, continuous pixel coordinate.
-    pub coordinate: Vec2,
+    pub(crate) coordinate: Vec2,
     /// A point of it, world space, at the previous frame's time.
-    pub position: Vec3,
+    pub(crate) position: Vec3,
     /// Its normal at that time.
-    pub normal: Vec3,
+    pub(crate) normal: Vec3,
     /// View depth now: the scale of distances.
     pub view_depth: f32,
     /// It moved by itself.
     pub moved: bool,
+}
+
+impl Expected {
+    /// Its place in the previous image: continuous pixel coordinate, x right, y down.
+    pub fn coordinate(&self) -> [f32; 2] {
+        self.coordinate.to_array()
+    }
 }
 
 /// Up to four pixels of the previous image with weights that add up to 1, and how far they are to be trusted.

@@ -9,10 +9,10 @@ use crate::frame::Rgb;
 use crate::plane::{Plane, Size};
 use std::sync::Arc;
 
-/// What made the light of a pass: it decides which guides its filter believes.
+/// What made the light of a pass: it decides which feature buffers (AOVs) its filter believes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum LightKind {
-    /// Matte (diffuse, subsurface) light that comes straight from a source: shadow edges are kept.
+    /// Matte (diffuse and subsurface) light that comes straight from a source: shadow edges are kept.
     MatteDirect,
     /// Matte light that comes over another surface: smooth.
     MatteIndirect,
@@ -20,13 +20,13 @@ pub enum LightKind {
     GlossyDirect,
     /// Reflections: they do not move with the surface.
     GlossyIndirect,
-    /// Light through a surface, direct or indirect: seen geometry is elsewhere.
+    /// Light through a surface, direct or indirect: what it shows lies behind that surface.
     Transmission,
     /// Light scattered in a medium: has no surface, depth does not stop it.
     Volume,
     /// Everything at once: a beauty from which nothing could be told apart.
     Beauty,
-    /// Emission, environment, whatever has no noise of its own beyond that of edges: never filtered across pixels.
+    /// Noise-free light (emission, environment): all its noise is that of edges. Never filtered across pixels.
     Steady,
 }
 
@@ -55,7 +55,7 @@ impl Light {
     }
 }
 
-/// One frame of a sequence.
+/// One frame of a sequence. Preset `sequence` reads every plane but those whose comment says that no preset reads them.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SequenceFrame {
     /// Frame number. One that does not follow its predecessor by one is a cut.
@@ -73,7 +73,7 @@ pub struct SequenceFrame {
     pub position: Option<Plane<[f32; 3]>>,
     /// The surface in the frame before lies at pixel + motion, pixels, y down. NaN: unknown. Absent: history is off.
     pub motion_to_previous: Option<Plane<[f32; 2]>>,
-    /// The surface in the next frame lies at pixel + motion, likewise. Absent: found from the next frame's
+    /// The surface in the next frame lies at pixel + motion, pixels, y down. NaN or absent: found from the next frame's
     /// `motion_to_previous`.
     pub motion_to_next: Option<Plane<[f32; 2]>>,
     /// Colour of the surface, >= 0. Absent: unknown.
@@ -83,7 +83,7 @@ pub struct SequenceFrame {
     pub seen_albedo: Option<Plane<Rgb>>,
     /// See `seen_albedo`.
     pub seen_normal: Option<Plane<[f32; 3]>>,
-    /// Perceptual roughness, 0..1. Absent: unknown.
+    /// Perceptual roughness, 0..1. Absent: unknown. No preset reads it yet.
     pub roughness: Option<Plane<f32>>,
     /// Coverage, 0..1, filtered with the beauty's weights. Absent: 1.
     pub alpha: Option<Plane<f32>>,

@@ -167,7 +167,7 @@ fn hierarchies_cameras_and_lights_stand_where_their_nodes_do() {
     let eye = loaded.scene.cameras[0].at(0.0, size).unwrap();
     assert!(Vec3::from(eye.position).abs_diff_eq(Vec3::new(5.0, 2.0, 3.0), 1e-5), "{eye:?}");
     let projection = eye.projection(size).unwrap();
-    assert!(projection.forward.abs_diff_eq(Vec3::NEG_X, 1e-6));
+    assert!(Vec3::from(projection.forward()).abs_diff_eq(Vec3::NEG_X, 1e-6));
     assert!((projection.focal_px - 9.0 / 0.4_f32.tan()).abs() < 1e-3);
     let plan = loaded.scene.cameras[1].at(0.0, size).unwrap().projection(size).unwrap();
     assert!(!plan.perspective && (plan.focal_px - 18.0 / 4.0).abs() < 1e-4);

@@ -2,10 +2,10 @@
 //!
 //! | | |
 //! |---|---|
-//! | reads | direct light, its history, depth, motion |
+//! | reads | direct light, its history, depth, motion, the host's confidence |
 //! | writes | direct light, anti-aliased: shown, and the next frame's history |
 //! | border | 1 pixel; 1 of history around the reprojected place |
-//! | equation | out = w clamp(h) + (1 - w) c; w = history * (1 - motion / falloff) / (1 + clamp_falloff * change) |
+//! | equation | out = w clamp(h) + (1 - w) c; w = `history` confidence_in max(0, 1 - motion / `motion_falloff`) / (1 + `clamp_falloff` change) |
 //! | source | \[S] "TAA on direct term", details \[E]: `docs/paper.md`, stage 11 |
 //! | parameters | `direct_taa.*` |
 //!

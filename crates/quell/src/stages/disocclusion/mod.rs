@@ -3,7 +3,7 @@
 //! | | |
 //! |---|---|
 //! | reads | matte temporal, matte prefiltered (each with passes), confidence |
-//! | writes | matte blended; on request the same with a floor, as history |
+//! | writes | matte blended; the same with at least `feedback_floor` of the prefiltered: the next frame's history by default (`pipeline.feedback = blend`) |
 //! | border | `radius` + `blur` pixels |
 //! | equation | k = blur(max over (2 radius + 1)^2 of (1 - confidence)); out = lerp(temporal, prefiltered, max(k, floor)) |
 //! | source | \[S] that it exists; the action is ours \[O], `docs/paper.md`, stage 5 |

@@ -3,7 +3,7 @@
 //! | | |
 //! |---|---|
 //! | reads | matte temporal and passes, guides |
-//! | writes | matte prefiltered: by default the next frame's history |
+//! | writes | matte prefiltered, which stage 5 reads; the next frame's history where `pipeline.feedback` is `prefilter` |
 //! | border | `radius` pixels (scaled by rows / 720) |
 //! | equation | out = (c + sum_i w_i c_i) / (1 + sum_i w_i), w = Gaussian * w_z w_n w_p w_g (`kernels/edge.rs`) |
 //! | source | \[S, E] `docs/paper.md`, stage 4 |

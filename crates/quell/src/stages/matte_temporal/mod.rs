@@ -3,9 +3,9 @@
 //! | | |
 //! |---|---|
 //! | reads | matte signal and passes, matte history, history length, guides now and before |
-//! | writes | matte temporal, confidence, history length |
+//! | writes | matte temporal, confidence, history length N |
 //! | border | 1 pixel of history around the reprojected place; `clip_radius` pixels of the current signal |
-//! | equation | out = w h + (1 - w) c, w = rho min(alpha, N / (N + 1)); confidence = rho min(1, N / 4) |
+//! | equation | out = w h + (1 - w) c, w = rho min(alpha, N / (N + 1)) (without `ramp`: rho alpha); confidence = rho min(1, N / `surface.confidence_frames`); h clamped to the neighbourhood of c where `clip` says so |
 //! | source | \[E, S, I] `docs/paper.md`, stage 3 |
 //! | parameters | `matte_temporal.*`, `surface.*` |
 //!
