@@ -21,35 +21,19 @@ pub(crate) fn level() -> fearless_simd::Level {
 
 #[cfg(test)]
 mod tests {
-    use crate::plane::{Plane, Size};
-    use crate::sequence::{Filtered, Light, LightKind, SequenceDenoiser, SequenceFrame, SequenceSettings};
+    use crate::plane::Size;
+    use crate::sequence::testing::frame;
+    use crate::sequence::{Filtered, SequenceDenoiser, SequenceSettings};
     use fearless_simd::Level;
     use std::sync::Mutex;
 
     pub(super) static LEVEL: Mutex<Option<Level>> = Mutex::new(None);
 
     fn run() -> Vec<Filtered> {
-        let size = Size::new(37, 21);
         let mut denoiser = SequenceDenoiser::new(SequenceSettings::default()).unwrap();
         let mut out = Vec::new();
-        for t in 0..3i64 {
-            let mut frame = SequenceFrame::new(t, size);
-            let value = |x: usize, y: usize, k: usize| {
-                let hash =
-                    (x * 7919 + y * 104_729 + k * 1_299_709 + t as usize * 15_485_863).wrapping_mul(2_654_435_761);
-                (hash >> 7 & 0xffff) as f32 / 21_845.0
-            };
-            for (k, kind) in
-                [LightKind::MatteDirect, LightKind::Transmission, LightKind::Beauty].into_iter().enumerate()
-            {
-                frame.lights.push(Light::new("light", kind, Plane::from_fn(size, |x, y| [value(x, y, k); 3])));
-            }
-            frame.depth = Some(Plane::from_fn(size, |x, y| 3.0 + 0.1 * x as f32 + 0.01 * value(x, y, 5)));
-            frame.normal = Some(Plane::from_fn(size, |x, y| [0.1 * value(x, y, 6), 0.0, 1.0]));
-            frame.seen_albedo = Some(Plane::from_fn(size, |x, y| [0.3 * value(x / 4, y, 7); 3]));
-            frame.albedo = Some(Plane::from_fn(size, |x, y| [0.3 * value(x / 3, y / 3, 8); 3]));
-            frame.motion_to_previous = Some(Plane::filled(size, [0.3, 0.1]));
-            out.extend(denoiser.push(frame, true).unwrap());
+        for t in 0..3 {
+            out.extend(denoiser.push(frame(t, Size::new(37, 21)), true).unwrap());
         }
         out.extend(denoiser.finish().unwrap());
         out

@@ -16,12 +16,16 @@
 //! gives the same bits, and the first frame is as clean as the rest.
 
 mod accelerator;
+#[cfg(all(test, feature = "cpu"))]
+mod agreement;
 mod denoiser;
 mod estimate;
 pub mod frame;
 pub mod pipeline;
 mod run;
 pub mod settings;
+#[cfg(all(test, feature = "cpu"))]
+pub(crate) mod testing;
 
 pub use crate::window::{Features, LightSlot, MotionPlanes, PreparedFrame, SpooledFrame, SurfacePoint};
 pub use accelerator::{AcceleratedWindow, Accelerator, Guide, WaveletJob, WaveletLight};
@@ -30,4 +34,6 @@ pub use estimate::{EstimateJob, FramePlane, GatheredLight, OnCpu, Place, WindowF
 pub use frame::{Filtered, FilteredLight, Light, LightKind, SequenceFrame};
 pub use pipeline::{SequencePlan, SequenceStage};
 pub(crate) use run::SequenceStages;
+#[cfg(all(test, feature = "cpu"))]
+pub(crate) use run::stages_of;
 pub use settings::{SEQUENCE_PARAMETERS, SequenceSettings};

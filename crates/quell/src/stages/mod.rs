@@ -6,6 +6,8 @@
 //! | real-time ([`crate::pipeline`]) | `matte_temporal`, `matte_prefilter`, `disocclusion`, `firefly`, `matte_bilateral`, `glossy_temporal`, `glossy_bilateral`, `direct_taa`, `composite` |
 //! | sequences ([`crate::sequence`]) | `reflection_motion`, `gather`, `feature_noise`, `variance`, `wavelet`, `recombine`, `stabilise` |
 
+#[cfg(all(test, feature = "cpu"))]
+mod causal;
 pub mod composite;
 pub mod direct_taa;
 pub mod disocclusion;
