@@ -18,11 +18,7 @@ const MID_GREY: f64 = 0.18;
 /// Lit surface pixels: luminance above this part of the mean (evaluation.md, section 3).
 pub(crate) const LIT_PART_OF_MEAN: f64 = 1e-3;
 
-/// Luminance of linear Rec. 709 light.
-#[inline]
-pub fn luminance(c: Rgb) -> f32 {
-    0.2126 * c[0] + 0.7152 * c[1] + 0.0722 * c[2]
-}
+pub use quell::luminance;
 
 /// The report's tone curve at a fixed exposure.
 #[derive(Clone, Copy, Debug, PartialEq)]

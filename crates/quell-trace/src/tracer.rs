@@ -274,7 +274,7 @@ struct PixelValue {
 }
 
 fn luminance(c: Vec3) -> f32 {
-    c.dot(Vec3::new(0.2126, 0.7152, 0.0722))
+    quell::luminance(c.to_array())
 }
 
 /// Scales a sample down to the largest luminance allowed.

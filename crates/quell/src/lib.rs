@@ -67,6 +67,7 @@ pub use camera::{Camera, Projection};
 pub use denoiser::{Backend, Denoiser, Output, OutputBuf};
 pub use error::Error;
 pub use frame::{Frame, FrameBuf, Pass, PassBuf, Rgb, Signal};
+pub use kernels::math::luminance;
 pub use plane::{Plane, PlaneRef, Size};
 pub use report::Report;
 pub use settings::{Preset, Settings};

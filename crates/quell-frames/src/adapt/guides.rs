@@ -244,12 +244,11 @@ fn to_world(plane: &mut Plane<[f32; 3]>, space: Space, unsigned: bool, camera: O
 }
 
 fn variance(mapping: &Mapping, canvas: Window, images: &[ExrImage]) -> Result<Option<Plane<f32>>, Error> {
-    // Rec. 709 luminance. Channels of a path vary together, so deviations add.
-    const LUMINANCE: [f32; 3] = [0.2126, 0.7152, 0.0722];
     if let Some(pass) = mapping.get(Role::Variance) {
         let plane = gather(images, &pass.channels, canvas, [0.0; 3])?;
         let values = plane.data().par_iter().map(|v| {
-            let deviation: f32 = (0..3).map(|c| LUMINANCE[c] * v[c].max(0.0).sqrt()).sum();
+            // Channels of a path vary together, so deviations add.
+            let deviation = quell::luminance(v.map(|c| c.max(0.0).sqrt()));
             deviation * deviation
         });
         return Ok(Plane::from_vec(canvas.size, values.collect()).ok());
@@ -262,7 +261,7 @@ fn variance(mapping: &Mapping, canvas: Window, images: &[ExrImage]) -> Result<Op
         .par_iter()
         .zip(b.data().par_iter())
         .map(|(a, b)| {
-            let d: f32 = (0..3).map(|c| LUMINANCE[c] * (a[c] - b[c])).sum();
+            let d = quell::luminance(std::array::from_fn(|c| a[c] - b[c]));
             // Each half has twice the variance of the mean; their difference four times.
             d * d * 0.25
         })

@@ -395,8 +395,8 @@ impl Layout {
             put(to, weight, rows.clone())?;
         }
         for y in rows.filter(|_| self.alpha) {
-            let row = filtered.alpha.iter().flat_map(|alpha| alpha.row(y));
-            to.write_all(&row.flat_map(|v| v.to_le_bytes()).collect::<Vec<u8>>())?;
+            let row = filtered.alpha.as_ref().map_or(&[][..], |alpha| alpha.row(y));
+            to.write_all(bytemuck::cast_slice(row))?;
         }
         Ok(())
     }
@@ -423,12 +423,8 @@ impl Layout {
             get(from, weight, rows.clone())?;
         }
         if let Some(alpha) = &mut whole.alpha {
-            let mut bytes = vec![0; alpha.size().width * 4];
             for y in rows {
-                from.read_exact(&mut bytes)?;
-                for (value, bytes) in alpha.row_mut(y).iter_mut().zip(bytes.as_chunks::<4>().0) {
-                    *value = f32::from_le_bytes(*bytes);
-                }
+                from.read_exact(bytemuck::cast_slice_mut(alpha.row_mut(y)))?;
             }
         }
         Ok(())
@@ -464,22 +460,9 @@ fn unique(filtered: &Filtered) -> Vec<&Arc<Plane<Rgb>>> {
 }
 
 fn put(to: &mut impl Write, plane: &Plane<Rgb>, rows: Range<usize>) -> io::Result<()> {
-    let mut bytes = Vec::with_capacity(plane.size().width * 12);
-    for y in rows {
-        bytes.clear();
-        bytes.extend(plane.row(y).iter().flatten().flat_map(|v| v.to_le_bytes()));
-        to.write_all(&bytes)?;
-    }
-    Ok(())
+    rows.into_iter().try_for_each(|y| to.write_all(bytemuck::cast_slice(plane.row(y))))
 }
 
 fn get(from: &mut impl Read, plane: &mut Plane<Rgb>, rows: Range<usize>) -> io::Result<()> {
-    let mut bytes = vec![0; plane.size().width * 12];
-    for y in rows {
-        from.read_exact(&mut bytes)?;
-        for (value, bytes) in plane.row_mut(y).iter_mut().flatten().zip(bytes.as_chunks::<4>().0) {
-            *value = f32::from_le_bytes(*bytes);
-        }
-    }
-    Ok(())
+    rows.into_iter().try_for_each(|y| from.read_exact(bytemuck::cast_slice_mut(plane.row_mut(y))))
 }

@@ -2,6 +2,7 @@
 
 use super::{Channel, ExrImage, Part, SampleKind, Samples, check};
 use crate::error::Error;
+use bytemuck::Pod;
 use exr::block::UncompressedBlock;
 use exr::block::chunk::{Chunk, CompressedBlock, CompressedScanLineBlock, CompressedTileBlock, TileCoordinates};
 use exr::meta::attribute::SampleType;
@@ -381,16 +382,16 @@ impl Planes {
 impl Samples {
     /// Copies `count` samples in the machine's byte order to position `at`.
     fn copy_row(&mut self, at: usize, count: usize, bytes: &[u8]) {
-        fn copy<T, const N: usize>(into: &mut [T], at: usize, count: usize, bytes: &[u8], from: fn([u8; N]) -> T) {
+        fn copy<T: Pod>(into: &mut [T], at: usize, count: usize, bytes: &[u8]) {
             let Some(into) = into.get_mut(at..at + count) else { return };
-            for (value, bytes) in into.iter_mut().zip(bytes.as_chunks::<N>().0) {
-                *value = from(*bytes);
+            for (value, bytes) in into.iter_mut().zip(bytes.chunks_exact(size_of::<T>())) {
+                *value = bytemuck::pod_read_unaligned(bytes);
             }
         }
         match self {
-            Self::Half(v) => copy(v, at, count, bytes, f16::from_ne_bytes),
-            Self::Float(v) => copy(v, at, count, bytes, f32::from_ne_bytes),
-            Self::Uint(v) => copy(v, at, count, bytes, u32::from_ne_bytes),
+            Self::Half(v) => copy(v, at, count, bytes),
+            Self::Float(v) => copy(v, at, count, bytes),
+            Self::Uint(v) => copy(v, at, count, bytes),
         }
     }
 
@@ -398,9 +399,9 @@ impl Samples {
     pub(super) fn append_row(&self, at: usize, count: usize, bytes: &mut Vec<u8>) {
         let range = at..at + count;
         match self {
-            Self::Half(v) => bytes.extend(v.get(range).into_iter().flatten().flat_map(|v| v.to_ne_bytes())),
-            Self::Float(v) => bytes.extend(v.get(range).into_iter().flatten().flat_map(|v| v.to_ne_bytes())),
-            Self::Uint(v) => bytes.extend(v.get(range).into_iter().flatten().flat_map(|v| v.to_ne_bytes())),
+            Self::Half(v) => bytes.extend(bytemuck::cast_slice::<_, u8>(v.get(range).unwrap_or_default())),
+            Self::Float(v) => bytes.extend(bytemuck::cast_slice::<_, u8>(v.get(range).unwrap_or_default())),
+            Self::Uint(v) => bytes.extend(bytemuck::cast_slice::<_, u8>(v.get(range).unwrap_or_default())),
         }
     }
 }

@@ -2,7 +2,7 @@
 
 use crate::frame::Rgb;
 
-/// Luminance of linear Rec. 709 RGB.
+/// Luminance of linear Rec. 709 RGB: the weights of red, green and blue (ITU-R BT.709). The workspace has no other copy.
 #[inline(always)]
 pub fn luminance(c: Rgb) -> f32 {
     0.2126 * c[0] + 0.7152 * c[1] + 0.0722 * c[2]

@@ -305,9 +305,9 @@ impl<'a> EstimateJob<'a> {
 
     fn packed(&self, align: usize, plane: Option<(&Packed, usize)>) -> Vec<u8> {
         self.texels(align, 8, |i, texel| {
-            let [r, g, b] = plane.map_or([0; 3], |(packed, k)| packed.data[i * packed.planes + k]);
-            for (half, value) in texel.as_chunks_mut::<2>().0.iter_mut().zip([r, g, b]) {
-                *half = value.to_le_bytes();
+            let [r, g, b] = plane.map_or([half::f16::ZERO; 3], |(packed, k)| packed.data[i * packed.planes + k]);
+            for (bytes, value) in texel.as_chunks_mut::<2>().0.iter_mut().zip([r, g, b]) {
+                *bytes = value.to_le_bytes();
             }
         })
     }

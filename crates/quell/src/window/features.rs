@@ -12,7 +12,8 @@ use crate::plane::{Plane, Size};
 use crate::sequence::{LightKind, SequenceFrame};
 
 /// What a pixel shows first.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
+#[repr(C)]
 pub struct SurfacePoint {
     /// 1 / depth, depth along the camera's axis; 0: background, or no depth at all.
     pub inverse_depth: f32,

@@ -7,44 +7,19 @@
 use crate::frame::Rgb;
 use crate::par;
 use crate::plane::{Plane, Size};
+use half::f16;
 
 /// Stands for a pixel that is kept in full: half precision's infinity, which no finite colour becomes.
-const BEYOND: u16 = 0x7c00;
-/// The largest finite value, before rounding up to it.
-const LARGEST: f32 = 65504.0;
-
-/// Half precision, rounded to nearest, ties to even. Finite values up to 65504 only.
-#[inline(always)]
-pub(crate) fn to_half(value: f32) -> u16 {
-    let bits = value.to_bits();
-    let sign = (bits >> 16) as u16 & 0x8000;
-    let magnitude = bits & 0x7fff_ffff;
-    // Below the smallest normal number the float's own adder rounds: 0.5 has the same step, 2^-24.
-    let small = (f32::from_bits(magnitude) + 0.5).to_bits().wrapping_sub(0.5f32.to_bits()) as u16;
-    let rounded = magnitude.wrapping_add(0xfff + (magnitude >> 13 & 1));
-    let normal = (rounded.wrapping_sub(112 << 23) >> 13) as u16;
-    sign | if magnitude < 113 << 23 { small } else { normal }
-}
-
-/// The value of a finite half.
-#[inline(always)]
-pub(crate) fn from_half(half: u16) -> f32 {
-    let magnitude = u32::from(half & 0x7fff);
-    let small = magnitude as f32 * (1.0 / (1u32 << 24) as f32);
-    let normal = f32::from_bits((magnitude << 13).wrapping_add(112 << 23));
-    let value = if magnitude < 1 << 10 { small } else { normal };
-    f32::from_bits(value.to_bits() | u32::from(half & 0x8000) << 16)
-}
-
+const BEYOND: f16 = f16::INFINITY;
 fn fits(value: f32) -> bool {
-    value.abs() <= LARGEST
+    value.abs() <= f16::MAX.to_f32_const()
 }
 
 /// Some colours a pixel, pixel by pixel: a tap reads one run of memory.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Packed {
     pub planes: usize,
-    pub data: Vec<[u16; 3]>,
+    pub data: Vec<[f16; 3]>,
     /// Places in `data` of colours that half precision does not hold, ascending, and these colours.
     pub beyond: Vec<(usize, Rgb)>,
 }
@@ -53,13 +28,13 @@ impl Packed {
     /// `value(plane, pixel)` must be finite.
     pub(crate) fn new(size: Size, planes: usize, value: impl Fn(usize, usize) -> Rgb + Sync) -> Self {
         let width = size.width * planes;
-        let mut data = vec![[0u16; 3]; size.pixels() * planes];
+        let mut data = vec![[f16::ZERO; 3]; size.pixels() * planes];
         if planes > 0 {
             par::rows(&mut data, width, |y, row| {
                 for (x, pixel) in row.chunks_exact_mut(planes).enumerate() {
                     for (k, stored) in pixel.iter_mut().enumerate() {
                         let c = value(k, y * size.width + x);
-                        *stored = if c.iter().all(|v| fits(*v)) { c.map(to_half) } else { [BEYOND; 3] };
+                        *stored = if c.iter().all(|v| fits(*v)) { c.map(f16::from_f32) } else { [BEYOND; 3] };
                     }
                 }
             });
@@ -74,7 +49,7 @@ impl Packed {
     pub(crate) fn at(&self, plane: usize, pixel: usize) -> Rgb {
         let place = pixel * self.planes + plane;
         let c = self.data[place];
-        if c[0] == BEYOND { self.kept(place) } else { c.map(from_half) }
+        if c[0] == BEYOND { self.kept(place) } else { c.map(f16::to_f32) }
     }
 
     #[cold]
@@ -85,15 +60,15 @@ impl Packed {
 
 /// What multiplies a light back: in half precision where that loses nothing, else as it came.
 pub(crate) enum Weight {
-    Half(Vec<[u16; 3]>),
+    Half(Vec<[f16; 3]>),
     Full(Plane<Rgb>),
 }
 
 impl Weight {
     pub(crate) fn new(plane: &Plane<Rgb>) -> Self {
-        let exact = |v: f32| fits(v) && from_half(to_half(v)).to_bits() == v.to_bits();
+        let exact = |v: f32| fits(v) && f16::from_f32(v).to_f32().to_bits() == v.to_bits();
         if plane.data().iter().flatten().all(|v| exact(*v)) {
-            Self::Half(plane.data().iter().map(|c| c.map(to_half)).collect())
+            Self::Half(plane.data().iter().map(|c| c.map(f16::from_f32)).collect())
         } else {
             Self::Full(plane.clone())
         }
@@ -102,7 +77,7 @@ impl Weight {
     #[inline(always)]
     pub(crate) fn at(&self, pixel: usize) -> Rgb {
         match self {
-            Self::Half(data) => data[pixel].map(from_half),
+            Self::Half(data) => data[pixel].map(f16::to_f32),
             Self::Full(plane) => plane.data()[pixel],
         }
     }
@@ -116,32 +91,6 @@ impl Weight {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn every_half_comes_back() {
-        for half in (0..=u16::MAX).filter(|h| h & 0x7fff < BEYOND) {
-            assert_eq!(to_half(from_half(half)), half, "{half:#x}");
-        }
-        assert_eq!((from_half(0x3c00), from_half(1), from_half(0xc000)), (1.0, (-24f32).exp2(), -2.0));
-    }
-
-    #[test]
-    fn values_are_rounded_to_the_nearest() {
-        let mut value = 1e-9f32;
-        while value < LARGEST {
-            for v in [value, -value] {
-                let half = to_half(v);
-                let found = (from_half(half) - v).abs();
-                for other in [half.wrapping_sub(1), half + 1].into_iter().filter(|h| h & 0x7fff < BEYOND) {
-                    assert!(found <= (from_half(other) - v).abs(), "{v}");
-                }
-            }
-            value *= 1.0037;
-        }
-        // Halfway between two of them, to the even one.
-        assert_eq!(from_half(to_half(2049.0)), 2048.0);
-        assert_eq!(from_half(to_half(2051.0)), 2052.0);
-    }
 
     #[test]
     fn what_does_not_fit_is_kept() {

@@ -1,12 +1,12 @@
-//! A prepared frame outside of memory: its planes as bytes, of which some rows are read back.
+//! A prepared frame outside of memory: its planes as bytes in this machine's order, of which some rows are read back.
 //!
 //! A job that does not fit in memory is filtered in bands of rows. What a frame decides as a whole (the size of a pixel,
 //! whether there is fog) was decided before, so a band of it is filtered to the same bits as the whole.
 
-use super::features::SurfacePoint;
 use super::packed::{Packed, Weight};
 use super::prepared::{PreparedFrame, Samples};
 use crate::plane::{Plane, Size};
+use bytemuck::Pod;
 use std::io::{self, Read, Seek, SeekFrom, Write};
 use std::ops::Range;
 use std::sync::Arc;
@@ -23,7 +23,7 @@ impl PreparedFrame {
     /// # Errors
     /// What `to` answers.
     pub fn spool(mut self, to: &mut dyn Write) -> io::Result<SpooledFrame> {
-        let mut writer = Writer { to, bytes: 0, buffer: Vec::new() };
+        let mut writer = Writer { to, bytes: 0 };
         visit(&mut self, &mut writer)?;
         let bytes = writer.bytes;
         Ok(SpooledFrame { frame: self, bytes })
@@ -56,7 +56,7 @@ impl SpooledFrame {
         let size = self.size();
         let to = rows.end.min(size.height);
         let rows = rows.start.min(to)..to;
-        let mut reader = Reader { from, size, rows: rows.clone(), at: 0, buffer: Vec::new() };
+        let mut reader = Reader { from, size, rows: rows.clone(), at: 0 };
         visit(&mut frame, &mut reader)?;
         frame.features.size = Size::new(size.width, rows.len());
         frame.features.first_row = rows.start;
@@ -70,60 +70,10 @@ impl std::fmt::Debug for SpooledFrame {
     }
 }
 
-/// Something of fixed length in bytes.
-pub(crate) trait Element: Copy {
-    const BYTES: usize;
-    fn put(self, bytes: &mut Vec<u8>);
-    fn get(bytes: &[u8]) -> Self;
-}
-
-impl Element for u16 {
-    const BYTES: usize = 2;
-    fn put(self, bytes: &mut Vec<u8>) {
-        bytes.extend_from_slice(&self.to_le_bytes());
-    }
-    fn get(bytes: &[u8]) -> Self {
-        bytes.first_chunk().map_or(0, |b| Self::from_le_bytes(*b))
-    }
-}
-
-impl Element for f32 {
-    const BYTES: usize = 4;
-    fn put(self, bytes: &mut Vec<u8>) {
-        bytes.extend_from_slice(&self.to_le_bytes());
-    }
-    fn get(bytes: &[u8]) -> Self {
-        bytes.first_chunk().map_or(0.0, |b| Self::from_le_bytes(*b))
-    }
-}
-
-impl<T: Element, const N: usize> Element for [T; N] {
-    const BYTES: usize = N * T::BYTES;
-    fn put(self, bytes: &mut Vec<u8>) {
-        self.into_iter().for_each(|v| v.put(bytes));
-    }
-    fn get(bytes: &[u8]) -> Self {
-        std::array::from_fn(|i| T::get(bytes.get(i * T::BYTES..).unwrap_or_default()))
-    }
-}
-
-impl Element for SurfacePoint {
-    const BYTES: usize = 28;
-    fn put(self, bytes: &mut Vec<u8>) {
-        self.inverse_depth.put(bytes);
-        self.normal.put(bytes);
-        self.position.put(bytes);
-    }
-    fn get(bytes: &[u8]) -> Self {
-        let at = |i: usize| bytes.get(i..).unwrap_or_default();
-        Self { inverse_depth: f32::get(at(0)), normal: <[f32; 3]>::get(at(4)), position: <[f32; 3]>::get(at(16)) }
-    }
-}
-
 /// What is done to every plane in turn.
 trait Visitor {
     /// `per_pixel` elements a pixel.
-    fn elements<T: Element>(&mut self, data: &mut Vec<T>, per_pixel: usize) -> io::Result<()>;
+    fn elements<T: Pod>(&mut self, data: &mut Vec<T>, per_pixel: usize) -> io::Result<()>;
     /// Extent afterwards.
     fn size(&self) -> Size;
     /// Pixels that remain, of those before; `None`: what lies beside planes stays as it is.
@@ -188,7 +138,7 @@ fn packed(packed: &mut Packed, v: &mut impl Visitor) -> io::Result<()> {
     Ok(())
 }
 
-fn plane<T: Element>(plane: &mut Plane<T>, v: &mut impl Visitor) -> io::Result<()> {
+fn plane<T: Pod>(plane: &mut Plane<T>, v: &mut impl Visitor) -> io::Result<()> {
     let taken = Plane::from_vec(Size::new(0, 0), Vec::new()).map_err(io::Error::other)?;
     let mut data = std::mem::replace(plane, taken).into_vec();
     v.elements(&mut data, 1)?;
@@ -196,24 +146,18 @@ fn plane<T: Element>(plane: &mut Plane<T>, v: &mut impl Visitor) -> io::Result<(
     Ok(())
 }
 
-/// Elements that are turned to bytes at once.
-const AT_ONCE: usize = 1 << 14;
-
 /// Writes planes and empties them.
 struct Writer<'w> {
     to: &'w mut dyn Write,
     bytes: u64,
-    buffer: Vec<u8>,
 }
 
 impl Visitor for Writer<'_> {
-    fn elements<T: Element>(&mut self, data: &mut Vec<T>, _: usize) -> io::Result<()> {
-        for some in std::mem::take(data).chunks(AT_ONCE) {
-            self.buffer.clear();
-            some.iter().for_each(|value| value.put(&mut self.buffer));
-            self.to.write_all(&self.buffer)?;
-            self.bytes += self.buffer.len() as u64;
-        }
+    fn elements<T: Pod>(&mut self, data: &mut Vec<T>, _: usize) -> io::Result<()> {
+        let data = std::mem::take(data);
+        let bytes: &[u8] = bytemuck::cast_slice(&data);
+        self.to.write_all(bytes)?;
+        self.bytes += bytes.len() as u64;
         Ok(())
     }
 
@@ -234,23 +178,16 @@ struct Reader<'r, R> {
     rows: Range<usize>,
     /// Where the next plane begins.
     at: u64,
-    buffer: Vec<u8>,
 }
 
 impl<R: Read + Seek> Visitor for Reader<'_, R> {
-    fn elements<T: Element>(&mut self, data: &mut Vec<T>, per_pixel: usize) -> io::Result<()> {
+    fn elements<T: Pod>(&mut self, data: &mut Vec<T>, per_pixel: usize) -> io::Result<()> {
         let row = self.size.width * per_pixel;
-        let mut left = row * self.rows.len();
-        self.from.seek(SeekFrom::Start(self.at + (self.rows.start * row * T::BYTES) as u64))?;
-        data.reserve_exact(left);
-        while left > 0 {
-            let some = left.min(AT_ONCE);
-            self.buffer.resize(some * T::BYTES, 0);
-            self.from.read_exact(&mut self.buffer)?;
-            data.extend(self.buffer.chunks_exact(T::BYTES).map(T::get));
-            left -= some;
-        }
-        self.at += (self.size.height * row * T::BYTES) as u64;
+        let row_bytes = row * size_of::<T>();
+        self.from.seek(SeekFrom::Start(self.at + (self.rows.start * row_bytes) as u64))?;
+        *data = vec![T::zeroed(); row * self.rows.len()];
+        self.from.read_exact(bytemuck::cast_slice_mut(data))?;
+        self.at += (self.size.height * row_bytes) as u64;
         Ok(())
     }
 
