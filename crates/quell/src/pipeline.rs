@@ -3,12 +3,17 @@
 
 use crate::frame::{Frame, Signal};
 use crate::settings::{Feedback, FireflyInput, Settings};
+use crate::stages::glossy_bilateral::Axis;
+use crate::stages::{
+    composite, direct_taa, disocclusion, firefly, glossy_bilateral, glossy_temporal, matte_bilateral, matte_prefilter,
+    matte_temporal,
+};
 
 /// How far from a pixel a stage looks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Reach {
-    /// Pixels along an axis within the frame.
-    pub pixels: usize,
+    /// Pixels to the left and right, and up and down, within the frame.
+    pub pixels: [usize; 2],
     /// Frames before, and after where the filter knows them.
     pub frames: u32,
     /// Rows read around the place where motion leads in those frames.
@@ -17,23 +22,33 @@ pub struct Reach {
 
 impl Reach {
     /// The pixel alone.
-    pub const NONE: Self = Self { pixels: 0, frames: 0, footprint: 0 };
+    pub const NONE: Self = Self { pixels: [0; 2], frames: 0, footprint: 0 };
+
+    /// As many pixels each way, within the frame.
+    pub const fn around(pixels: usize) -> Self {
+        Self { pixels: [pixels; 2], ..Self::NONE }
+    }
 
     /// Rows, where motion leads up or down by at most `moved` rows a frame, and by at most `farthest` in all.
     pub(crate) fn rows(self, moved: f32, farthest: f32) -> usize {
         let led = (moved * self.frames as f32).min(farthest).ceil() as usize;
-        self.pixels + if self.frames > 0 { led + self.footprint } else { 0 }
+        self.pixels[1] + if self.frames > 0 { led + self.footprint } else { 0 }
     }
 }
 
 impl std::fmt::Display for Reach {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let plural = |n: usize| if n == 1 { "" } else { "s" };
-        match (self.pixels, self.frames as usize) {
-            (0, 0) => f.write_str("the pixel"),
-            (pixels, 0) => write!(f, "{pixels} pixel{}", plural(pixels)),
-            (0, frames) => write!(f, "{frames} frame{}", plural(frames)),
-            (pixels, frames) => write!(f, "{pixels} pixel{}, {frames} frame{}", plural(pixels), plural(frames)),
+        let counted = |n: usize, what: &str| format!("{n} {what}{}", if n == 1 { "" } else { "s" });
+        let pixels = match self.pixels {
+            [0, 0] => None,
+            [x, y] if x == y => Some(counted(x, "pixel")),
+            [x, y] => Some(format!("{x} x {y} pixels")),
+        };
+        let frames = (self.frames > 0).then(|| counted(self.frames as usize, "frame"));
+        match (pixels, frames) {
+            (None, None) => f.write_str("the pixel"),
+            (Some(pixels), Some(frames)) => write!(f, "{pixels}, {frames}"),
+            (one, other) => f.write_str(&one.or(other).unwrap_or_default()),
         }
     }
 }
@@ -115,6 +130,22 @@ impl Stage {
             Self::GlossyVertical => "10 Glossy V. Bilateral",
             Self::DirectTaa => "11 TAA of direct light",
             Self::Composite => "Composite",
+        }
+    }
+
+    /// How far it looks in a picture of `rows` rows. Of history, which the frame before has filtered: one frame.
+    pub fn reach(self, s: &Settings, rows: usize) -> Reach {
+        match self {
+            Self::MatteTemporal => matte_temporal::reach(&s.matte_temporal),
+            Self::MattePrefilter => matte_prefilter::reach(&s.matte_prefilter, rows),
+            Self::Disocclusion => disocclusion::reach(&s.disocclusion),
+            Self::Firefly => firefly::reach(),
+            Self::MatteBilateral => matte_bilateral::reach(&s.matte_bilateral, rows),
+            Self::GlossyTemporal => glossy_temporal::reach(&s.glossy_temporal),
+            Self::GlossyHorizontal => glossy_bilateral::reach(&s.glossy_bilateral, Axis::Horizontal, rows),
+            Self::GlossyVertical => glossy_bilateral::reach(&s.glossy_bilateral, Axis::Vertical, rows),
+            Self::DirectTaa => direct_taa::reach(),
+            Self::Composite => composite::reach(),
         }
     }
 
@@ -205,6 +236,18 @@ pub struct Step {
     pub also_reads: Vec<Image>,
     /// Everything else that it writes.
     pub also_writes: Vec<Image>,
+}
+
+impl Step {
+    /// All that it reads.
+    pub fn reads(&self) -> impl Iterator<Item = Image> + '_ {
+        std::iter::once(self.input).chain(self.also_reads.iter().copied())
+    }
+
+    /// All that it writes.
+    pub fn writes(&self) -> impl Iterator<Item = Image> + '_ {
+        std::iter::once(self.output).chain(self.also_writes.iter().copied())
+    }
 }
 
 /// What a frame brings along; the plan depends on it.
@@ -384,30 +427,39 @@ impl Plan {
     }
 }
 
-impl std::fmt::Display for Plan {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let list = |images: &[Image]| images.iter().map(|i| i.name()).collect::<Vec<_>>().join(", ");
-        for stage in Stage::ALL {
-            match self.steps.iter().find(|s| s.stage == stage) {
-                Some(step) => {
-                    let reads: Vec<Image> =
-                        std::iter::once(step.input).chain(step.also_reads.iter().copied()).collect();
-                    let writes: Vec<Image> =
-                        std::iter::once(step.output).chain(step.also_writes.iter().copied()).collect();
-                    writeln!(f, "{:<25} {} -> {}", stage.paper_stage(), list(&reads), list(&writes))?;
-                }
-                None => writeln!(f, "{:<25} does not run", stage.paper_stage())?,
-            }
+impl Plan {
+    /// How far from a pixel what is shown depends on images of the same frame, in pixels along an axis, for a picture of
+    /// `rows` rows. History is not in it. A stage looks around its input; what it reads beside that, at the pixel.
+    pub fn reach_px(&self, settings: &Settings, rows: usize) -> usize {
+        let mut reached: Vec<(Image, [usize; 2])> = Vec::new();
+        for step in &self.steps {
+            let of =
+                |image: Image| reached.iter().rev().find(|(i, _)| *i == image).map_or([0; 2], |(_, pixels)| *pixels);
+            let pixels = step.stage.reach(settings, rows).pixels;
+            let around = [0, 1].map(|axis| of(step.input)[axis] + pixels[axis]);
+            let all = step.also_reads.iter().fold(around, |all, image| [0, 1].map(|k| all[k].max(of(*image)[k])));
+            reached.extend(step.writes().map(|image| (image, all)));
         }
-        writeln!(
-            f,
-            "shown: {}, {}, {}",
-            self.matte_output.name(),
-            self.glossy_output.name(),
-            self.direct_output.name()
-        )?;
+        reached.iter().flat_map(|(_, pixels)| pixels).copied().max().unwrap_or(0)
+    }
+
+    /// A line for each stage: what it reads and writes, and how far it looks in a picture of `rows` rows; then what is
+    /// shown and remembered.
+    pub fn listing(&self, settings: &Settings, rows: usize) -> String {
+        let list = |images: &[Image]| images.iter().map(|i| i.name()).collect::<Vec<_>>().join(", ");
+        let mut lines: Vec<String> = Vec::new();
+        for stage in Stage::ALL {
+            let step = self.steps.iter().find(|s| s.stage == stage).map(|step| {
+                let (reads, writes): (Vec<_>, Vec<_>) = (step.reads().collect(), step.writes().collect());
+                (list(&reads), list(&writes), stage.reach(settings, rows))
+            });
+            lines.push(listing(stage.paper_stage(), step));
+        }
+        lines.push(format!("shown: {}", list(&[self.matte_output, self.glossy_output, self.direct_output])));
         let remembered: Vec<Image> = self.matte_feedback.into_iter().chain(self.glossy_feedback).collect();
-        write!(f, "remembered: {}", if remembered.is_empty() { "nothing".to_owned() } else { list(&remembered) })
+        let remembered = if remembered.is_empty() { "nothing".to_owned() } else { list(&remembered) };
+        lines.push(format!("remembered: {remembered}"));
+        lines.join("\n")
     }
 }
 
@@ -450,7 +502,7 @@ mod tests {
                 let mut known = given.to_vec();
                 for step in &plan.steps {
                     for read in std::iter::once(&step.input).chain(&step.also_reads) {
-                        assert!(known.contains(read), "{read:?} in {:?}\n{plan}", step.stage);
+                        assert!(known.contains(read), "{read:?} in {:?}\n{plan:?}", step.stage);
                     }
                     known.push(step.output);
                     known.extend(&step.also_writes);
@@ -459,9 +511,23 @@ mod tests {
                     assert!(known.contains(&image));
                 }
                 for image in plan.matte_feedback.into_iter().chain(plan.glossy_feedback) {
-                    assert!(known.contains(&image), "{image:?}\n{plan}");
+                    assert!(known.contains(&image), "{image:?}\n{plan:?}");
                 }
             }
         }
+    }
+
+    #[test]
+    fn reach_grows_with_rows_and_radii() {
+        let settings = Settings::default();
+        let reach = |settings: &Settings, rows| Plan::new(settings, Inputs::ALL).reach_px(settings, rows);
+        let [small, usual] = [90, 720].map(|rows| reach(&settings, rows));
+        // Two spirals of 32 pixels, the median, a window of 4.
+        assert!((60..=69).contains(&usual) && small < usual, "{small}, {usual}");
+        let mut wide = settings.clone();
+        wide.glossy_bilateral.max_radius = 64.0;
+        wide.matte_bilateral.radius = 100.0;
+        assert!(reach(&wide, 720) > usual + 60);
+        assert_eq!(reach(&settings.without_denoising(), 720), 0, "the sum looks at the pixel alone");
     }
 }

@@ -8,7 +8,7 @@ use crate::output;
 use crate::sequence::times::paper_number;
 use quell::Settings;
 use quell::pipeline::{Image, Inputs, Plan, Stage};
-use quell::settings::{PARAMETERS, Parameter, parameters_markdown};
+use quell::settings::{PARAMETERS, Parameter, REFERENCE_ROWS, parameters_markdown};
 use serde_json::{Map, Value, json};
 
 pub fn run(context: &Context, args: ExplainArgs) -> Result<(), Failure> {
@@ -24,8 +24,9 @@ pub fn run(context: &Context, args: ExplainArgs) -> Result<(), Failure> {
 
 fn explain_pipeline(context: &Context) -> Result<(), Failure> {
     let plan = Plan::new(&context.settings, Inputs::ALL);
+    let listing = plan.listing(&context.settings, REFERENCE_ROWS as usize);
     let mut text = format!(
-        "The pipeline of preset `{}`{}, for a frame that has both signals and jittered samples:\n\n{plan}\n",
+        "The pipeline of preset `{}`{}, for a frame that has both signals and jittered samples:\n\n{listing}\n",
         context.preset.name(),
         if context.settings == Settings::preset(context.preset) { "" } else { " with your changes" },
     );

@@ -11,10 +11,10 @@ use super::error::Error;
 use super::planes::extent_of;
 use super::program::Role;
 use crate::denoiser::MAX_EXTENT;
-use crate::kernels::spiral::{PERIOD, Spiral, SpiralShape};
+use crate::kernels::spiral::PERIOD;
+use crate::pipeline::{Inputs, Plan};
 use crate::plane::Size;
 use crate::settings::Settings;
-use crate::stages::glossy_bilateral::KernelSize;
 
 /// Where a frame lies in a larger picture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -101,24 +101,9 @@ impl Denoiser {
 }
 
 /// How far from a pixel its results depend on images of the same frame, in pixels along an axis, for a picture of
-/// `rows` rows: stages 4 to 7 of the matte and 9 and 10 of the glossy signal one after another, and the windows of stages 3,
-/// 8 and 11. History is not in it.
+/// `rows` rows: what the stages say, added up ([`Plan::reach_px`]). History is not in it.
 pub fn reach_px(settings: &Settings, rows: usize) -> usize {
-    let s = settings;
-    let spiral = |shape: fn(&Settings, usize, i64) -> SpiralShape| {
-        let reach = |frame| Spiral::new(&shape(s, rows, frame)).reach();
-        (0..super::TAP_FRAMES as i64).map(reach).max().unwrap_or(0)
-    };
-    let prefilter = spiral(|s, rows, frame| SpiralShape::prefilter(&s.matte_prefilter, rows, frame));
-    let bilateral = spiral(|s, rows, frame| SpiralShape::bilateral(&s.matte_bilateral, rows, frame));
-    let distrust = (s.disocclusion.radius + s.disocclusion.blur) as usize;
-    // 1: the median of stage 6.
-    let matte = prefilter.max(distrust) + 1 + bilateral;
-    let kernel = KernelSize::new(&s.glossy_bilateral, rows);
-    // 1: neighbours that its radius depends on.
-    let glossy = kernel.max_radius_px.max(kernel.constant_radius_px).ceil() as usize + 1;
-    let window = s.matte_temporal.clip_radius.max(s.glossy_temporal.clip_radius).max(1) as usize;
-    matte.max(glossy) + window
+    Plan::new(settings, Inputs::ALL).reach_px(settings, rows)
 }
 
 #[cfg(test)]
@@ -134,17 +119,5 @@ mod tests {
         assert!(!check([u32::MAX - 3, 0], usize::MAX, 1));
         let large = Tile { origin: [0; 2], whole: Size::new(MAX_EXTENT + 1, 4) };
         assert!(large.check(Size::new(4, 4)).is_err());
-    }
-
-    #[test]
-    fn reach_grows_with_rows_and_radii() {
-        let settings = Settings::default();
-        let [small, usual] = [90, 720].map(|rows| reach_px(&settings, rows));
-        // Two spirals of 32 pixels, the median, a window of 4.
-        assert!((60..=69).contains(&usual) && small < usual, "{small}, {usual}");
-        let mut wide = settings.clone();
-        wide.glossy_bilateral.max_radius = 64.0;
-        wide.matte_bilateral.radius = 100.0;
-        assert!(reach_px(&wide, 720) > usual + 60);
     }
 }

@@ -57,6 +57,11 @@ impl SpiralShape {
         }
     }
 
+    /// Pixels along an axis to the farthest tap, over the patterns of all frames.
+    pub(crate) fn farthest(shape: impl Fn(i64) -> Self) -> usize {
+        (0..PHASES as i64).map(|frame| Spiral::new(&shape(frame)).reach()).max().unwrap_or(0)
+    }
+
     /// The spiral of stage 7.
     pub fn bilateral(s: &MatteBilateral, rows: usize, frame: i64) -> Self {
         Self {

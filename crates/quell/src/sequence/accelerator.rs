@@ -190,7 +190,7 @@ impl<'a> WaveletJob<'a> {
 
     /// Rows above and below a band that decide what `levels` levels make of it.
     pub fn margin(levels: u32) -> usize {
-        reach_of(levels).pixels
+        reach_of(levels).pixels[1]
     }
 
     /// Some rows of a guide: for each pixel four f32, little-endian. Zeros where the frame has none.

@@ -330,7 +330,7 @@ fn a_signal_that_is_absent_costs_no_stage() {
         }
     }
     let plan = Plan::new(&Settings::default(), Inputs::default());
-    assert_eq!(plan.steps.len(), 1, "{plan}");
+    assert_eq!(plan.steps.len(), 1, "{plan:?}");
 }
 
 // --- joint passes ---

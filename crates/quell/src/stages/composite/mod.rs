@@ -4,7 +4,7 @@
 //! |---|---|
 //! | reads | direct light, filtered signals, their weights |
 //! | writes | the picture |
-//! | border | none |
+//! | reach | none |
 //! | equation | as above; noisy direct light, where a host gives it, is added with the weight of its lobe, unfiltered |
 //! | source | \[S] |
 //! | parameters | none |
@@ -14,6 +14,8 @@ use crate::frame::Rgb;
 #[cfg(feature = "cpu")]
 pub(crate) mod cpu;
 pub mod reference;
+
+use crate::pipeline::Reach;
 
 /// One pixel: `terms` are (signal, weight), added in this order.
 #[inline(always)]
@@ -25,4 +27,9 @@ pub fn pixel(direct: Rgb, terms: impl IntoIterator<Item = (Rgb, Rgb)>) -> Rgb {
         }
     }
     sum
+}
+
+/// The stage looks at the pixel alone.
+pub fn reach() -> Reach {
+    Reach::NONE
 }

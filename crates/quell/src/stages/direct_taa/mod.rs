@@ -4,7 +4,7 @@
 //! |---|---|
 //! | reads | direct light, its history, depth, motion, the host's confidence |
 //! | writes | direct light, anti-aliased: shown, and the next frame's history |
-//! | border | 1 pixel; 1 of history around the reprojected place |
+//! | reach | 1 pixel; 1 of history around the reprojected place |
 //! | equation | out = w clamp(h) + (1 - w) c; w = `history` confidence_in max(0, 1 - motion / `motion_falloff`) / (1 + `clamp_falloff` change) |
 //! | source | \[S] "TAA on direct term", details \[E]: `docs/paper.md`, stage 11 |
 //! | parameters | `direct_taa.*` |
@@ -14,3 +14,10 @@
 #[cfg(feature = "cpu")]
 pub(crate) mod cpu;
 pub mod reference;
+
+use crate::pipeline::Reach;
+
+/// How far the stage looks.
+pub fn reach() -> Reach {
+    Reach { frames: 1, footprint: 1, ..Reach::around(1) }
+}

@@ -4,7 +4,7 @@
 //! |---|---|
 //! | reads | matte temporal, matte prefiltered (each with passes), confidence |
 //! | writes | matte blended; the same with at least `feedback_floor` of the prefiltered: the next frame's history by default (`pipeline.feedback = blend`) |
-//! | border | `radius` + `blur` pixels |
+//! | reach | `radius` + `blur` pixels |
 //! | equation | k = blur(max over (2 radius + 1)^2 of (1 - confidence)); out = lerp(temporal, prefiltered, max(k, floor)) |
 //! | source | \[S] that it exists; the action is ours \[O], `docs/paper.md`, stage 5 |
 //! | parameters | `disocclusion.*` |
@@ -14,3 +14,11 @@
 #[cfg(feature = "cpu")]
 pub(crate) mod cpu;
 pub mod reference;
+
+use crate::pipeline::Reach;
+use crate::settings::Disocclusion;
+
+/// How far the stage looks.
+pub fn reach(s: &Disocclusion) -> Reach {
+    Reach::around((s.radius + s.blur) as usize)
+}

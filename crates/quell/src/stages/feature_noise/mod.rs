@@ -57,5 +57,5 @@ pub(crate) const APART: f32 = 8.0;
 
 /// How far the stage looks.
 pub fn reach() -> Reach {
-    Reach { pixels: 2, ..Reach::NONE }
+    Reach::around(2)
 }

@@ -5,7 +5,7 @@
 //! |---|---|
 //! | reads | matte blended (`firefly.input = temporal`: matte temporal) and passes, guides (which neighbours are surfaces) |
 //! | writes | matte without fireflies |
-//! | border | 1 pixel |
+//! | reach | 1 pixel |
 //! | equation | out = m where c > `threshold` m, else c; m the median of 3x3, per channel, or of luminance; `plain`: out = m |
 //! | source | \[S], \[E] per channel; the threshold is ours; `docs/paper.md`, stage 6 |
 //! | parameters | `firefly.*` |
@@ -16,3 +16,10 @@
 #[cfg(feature = "cpu")]
 pub(crate) mod cpu;
 pub mod reference;
+
+use crate::pipeline::Reach;
+
+/// How far the stage looks.
+pub fn reach() -> Reach {
+    Reach::around(1)
+}

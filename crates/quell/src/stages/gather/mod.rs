@@ -58,7 +58,7 @@ pub struct Gathered {
 
 /// How far the stage looks.
 pub fn reach(s: &Gather) -> Reach {
-    Reach { pixels: 0, frames: s.frames, footprint: FOOTPRINT }
+    Reach { frames: s.frames, footprint: FOOTPRINT, ..Reach::NONE }
 }
 
 /// Rows that the bilinear footprint reads beyond those that motion leads to.

@@ -4,7 +4,7 @@
 //! |---|---|
 //! | reads | glossy temporal and passes, guides, hit distance |
 //! | writes | glossy horizontal, then glossy filtered |
-//! | border | `max_radius` pixels (scaled by rows / 720) along the axis |
+//! | reach | `max_radius` pixels (scaled by rows / 720) along the axis |
 //! | equation | taps every `step` pixels to both sides up to the radius r; w = Gaussian(sigma r) * w_z w_n w_p w_g |
 //! | source | \[S, E]; the radius \[O]: `docs/paper.md`, stages 9 and 10 |
 //! | parameters | `glossy_bilateral.*`, `edge.*` |
@@ -22,6 +22,7 @@ pub(crate) mod cpu;
 pub mod reference;
 
 use crate::border::Guides;
+use crate::pipeline::Reach;
 use crate::settings::{GlossyBilateral, GlossyRadius, REFERENCE_ROWS};
 use glam::Vec3;
 
@@ -134,4 +135,14 @@ fn normal_change(guides: &Guides, axis: Axis, x: usize, y: usize) -> f32 {
         .map(|&(tx, ty)| (Vec3::from(guides.normal.at(tx, ty)) - normal).length_squared())
         .fold(0.0, f32::max);
     squared.sqrt()
+}
+
+/// How far a pass looks in a picture of `rows` rows: along its axis the kernel, around the pixel what its radius depends on.
+pub fn reach(s: &GlossyBilateral, axis: Axis, rows: usize) -> Reach {
+    let kernel = KernelSize::new(s, rows);
+    let along = kernel.max_radius_px.max(kernel.constant_radius_px).ceil() as usize + 1;
+    match axis {
+        Axis::Horizontal => Reach { pixels: [along, 1], ..Reach::NONE },
+        Axis::Vertical => Reach { pixels: [1, along], ..Reach::NONE },
+    }
 }

@@ -4,7 +4,7 @@
 //! |---|---|
 //! | reads | glossy signal and passes, glossy history, history length, hit distance, guides now and before |
 //! | writes | glossy temporal (which is the next frame's history), confidence, history length |
-//! | border | 1 pixel of history around the virtual place; 1 of the hit distance; `clip_radius` of the signal |
+//! | reach | 1 pixel of history around the virtual place; 1 of the hit distance; `clip_radius` of the signal |
 //! | equation | blend as stage 3; history at the projection of X + d v (reflector at rest), or of the hit point mirrored in its previous plane; on curved ones where the previous eye ray was reflected to the hit point |
 //! | source | \[E, S, I] `docs/paper.md`, stage 8 |
 //! | parameters | `glossy_temporal.*`, `surface.*` |
@@ -15,3 +15,12 @@
 #[cfg(feature = "cpu")]
 pub(crate) mod cpu;
 pub mod reference;
+
+use crate::pipeline::Reach;
+use crate::settings::GlossyTemporal;
+
+/// How far the stage looks.
+pub fn reach(s: &GlossyTemporal) -> Reach {
+    // 1: the hit distance around the pixel.
+    Reach { frames: 1, footprint: 1, ..Reach::around(s.clip_radius.max(1) as usize) }
+}

@@ -4,7 +4,7 @@
 //! |---|---|
 //! | reads | matte signal and passes, matte history, history length, guides now and before |
 //! | writes | matte temporal, confidence, history length N |
-//! | border | 1 pixel of history around the reprojected place; `clip_radius` pixels of the current signal |
+//! | reach | 1 pixel of history around the reprojected place; `clip_radius` pixels of the current signal |
 //! | equation | out = w h + (1 - w) c, w = rho min(alpha, N / (N + 1)) (without `ramp`: rho alpha); confidence = rho min(1, N / `surface.confidence_frames`); h clamped to the neighbourhood of c where `clip` says so |
 //! | source | \[E, S, I] `docs/paper.md`, stage 3 |
 //! | parameters | `matte_temporal.*`, `surface.*` |
@@ -15,3 +15,11 @@
 #[cfg(feature = "cpu")]
 pub(crate) mod cpu;
 pub mod reference;
+
+use crate::pipeline::Reach;
+use crate::settings::MatteTemporal;
+
+/// How far the stage looks.
+pub fn reach(s: &MatteTemporal) -> Reach {
+    Reach { frames: 1, footprint: 1, ..Reach::around(s.clip_radius as usize) }
+}

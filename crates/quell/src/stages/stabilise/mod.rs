@@ -58,5 +58,5 @@ const FOOTPRINT: usize = 2;
 
 /// How far the stage looks.
 pub fn reach(s: &Stabilise) -> Reach {
-    Reach { pixels: WINDOW, frames: s.frames, footprint: FOOTPRINT }
+    Reach { frames: s.frames, footprint: FOOTPRINT, ..Reach::around(WINDOW) }
 }

@@ -21,5 +21,5 @@ use crate::sequence::settings::Variance;
 
 /// How far the stage looks.
 pub fn reach(s: &Variance) -> Reach {
-    Reach { pixels: s.radius as usize, ..Reach::NONE }
+    Reach::around(s.radius as usize)
 }
