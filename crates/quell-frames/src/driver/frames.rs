@@ -87,7 +87,7 @@ impl Files for Disk<'_> {
                 before.guides = Some((number, CutGuides::of(&adapted.frame)));
             }
             let described = without_light(&adapted.frame);
-            let prepared = PreparedFrame::new(adapted.frame);
+            let prepared = PreparedFrame::new(adapted.frame, &job.options.settings);
             frames.push((prepared.map_err(|source| Error::Frame { path: path().to_owned(), source })?, described));
         }
         if wanted {

@@ -4,7 +4,7 @@ use super::passes;
 use crate::frame::Rgb;
 use crate::plane::Plane;
 use crate::sequence::SequenceStages;
-use crate::sequence::settings::{Gather, Stabilise, Variance, Wavelet};
+use crate::sequence::settings::{Gather, Reflections, Stabilise, Variance, Wavelet};
 use crate::stages::feature_noise::{self, LocalFeatures};
 use crate::stages::gather::{self, Gathered};
 use crate::stages::recombine;
@@ -16,8 +16,8 @@ use crate::window::{Features, LightSlot, PreparedFrame, Rows};
 pub(crate) struct Cpu;
 
 impl SequenceStages for Cpu {
-    fn reflection_motion(&self, previous: &Features, next: &Features) -> Option<ReflectionMotion> {
-        reflection_motion::cpu::run(previous, next)
+    fn reflection_motion(&self, previous: &Features, next: &Features, s: &Reflections) -> Option<ReflectionMotion> {
+        reflection_motion::cpu::run(previous, next, s)
     }
 
     fn gather(&self, window: &[&PreparedFrame], centre: usize, s: &Gather) -> Gathered {

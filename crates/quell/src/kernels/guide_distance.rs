@@ -48,10 +48,6 @@ impl Class {
 pub(crate) const FARTHEST: f32 = 16.0;
 /// Between surface and background, and between divided and undivided reflections: no weight is left.
 pub(crate) const APART: f32 = 1e9;
-/// The depth tolerance grows with the tap's distance in pixels: its part at the centre, and that of every pixel further.
-pub(crate) const DEPTH_REACH: [f32; 2] = [0.3, 0.1];
-/// Part of the slope's own prediction by which it may be wrong: surfaces bend.
-pub(crate) const SLOPE_ERROR: f32 = 0.2;
 /// Keeps the quotient finite where depth is unknown on both sides.
 pub(crate) const LEAST_TOLERANCE: f32 = 1e-20;
 
@@ -102,8 +98,9 @@ fn surface_distance(f: &LocalFeatures, i: usize, j: usize, dx: f32, dy: f32, s: 
         return APART;
     }
     let predicted = f.slope[0][i] * dx + f.slope[1][i] * dy;
-    let reach = s.depth * (DEPTH_REACH[0] + DEPTH_REACH[1] * (dx * dx + dy * dy).sqrt());
-    let tolerance = here * (reach + s.guide_noise * f.depth_noise[i]) + SLOPE_ERROR * predicted.abs() + LEAST_TOLERANCE;
+    let reach = s.depth * (s.depth_near + s.depth_far * (dx * dx + dy * dy).sqrt());
+    let tolerance =
+        here * (reach + s.guide_noise * f.depth_noise[i]) + s.slope_error * predicted.abs() + LEAST_TOLERANCE;
     let miss = (there - here - predicted) / tolerance;
     let (np, nq) = (three(|c| f.normal[c][i]), three(|c| f.normal[c][j]));
     // Two pixels without normals do not differ in them.

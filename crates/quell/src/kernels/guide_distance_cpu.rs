@@ -1,6 +1,6 @@
 //! Guide distances of whole rows at once: the fast twin of [`super::guide_distance`].
 
-use super::guide_distance::{APART, DEPTH_REACH, LEAST_TOLERANCE, SLOPE_ERROR};
+use super::guide_distance::{APART, LEAST_TOLERANCE};
 use crate::sequence::settings::Wavelet;
 use crate::stages::feature_noise::LocalFeatures;
 
@@ -68,11 +68,12 @@ pub(crate) fn guide_distances(
         let nq = [0, 1, 2].map(|c| o.taps(row(&local.normal[c], w, o.qy)));
         let rough = o.centres(row(&local.normal_noise, w, o.y));
         let surface = &mut surface[..n];
-        let reach = s.depth * (DEPTH_REACH[0] + DEPTH_REACH[1] * distance);
+        let reach = s.depth * (s.depth_near + s.depth_far * distance);
         for i in 0..n {
             let along = sx[i] * dx + sy[i] * dy;
             let miss = iz_q[i] - iz_p[i] - along;
-            let tolerance = iz_p[i] * (reach + s.guide_noise * noise[i]) + SLOPE_ERROR * along.abs() + LEAST_TOLERANCE;
+            let tolerance =
+                iz_p[i] * (reach + s.guide_noise * noise[i]) + s.slope_error * along.abs() + LEAST_TOLERANCE;
             let r = miss / tolerance;
             let both = (iz_p[i] > 0.0) == (iz_q[i] > 0.0);
             let cosine = np[0][i] * nq[0][i] + np[1][i] * nq[1][i] + np[2][i] * nq[2][i];

@@ -3,7 +3,7 @@
 use crate::frame::Rgb;
 use crate::plane::Plane;
 use crate::sequence::SequenceStages;
-use crate::sequence::settings::{Gather, Stabilise, Variance, Wavelet};
+use crate::sequence::settings::{Gather, Reflections, Stabilise, Variance, Wavelet};
 use crate::stages::feature_noise::{self, LocalFeatures};
 use crate::stages::gather::{self, Gathered};
 use crate::stages::reflection_motion::{self, ReflectionMotion};
@@ -15,8 +15,8 @@ use crate::window::{Features, LightSlot, PreparedFrame, Rows};
 pub(crate) struct Reference;
 
 impl SequenceStages for Reference {
-    fn reflection_motion(&self, previous: &Features, next: &Features) -> Option<ReflectionMotion> {
-        reflection_motion::reference::run(previous, next)
+    fn reflection_motion(&self, previous: &Features, next: &Features, s: &Reflections) -> Option<ReflectionMotion> {
+        reflection_motion::reference::run(previous, next, s)
     }
 
     fn gather(&self, window: &[&PreparedFrame], centre: usize, s: &Gather) -> Gathered {

@@ -66,6 +66,12 @@ pub struct WaveletLight {
     pub guided: bool,
     /// Tolerance of depth, relative.
     pub depth: f32,
+    /// Of that tolerance, the part at the centre, and that of every pixel further.
+    pub depth_reach: [f32; 2],
+    /// Part of the slope's own prediction by which it may be wrong.
+    pub slope_error: f32,
+    /// Luminances that differ by less than this share do not differ.
+    pub least_contrast: f32,
     /// How far noise of the guides loosens them.
     pub guide_noise: f32,
     /// Fall of the weight per 1 - cosine of normals.
@@ -98,6 +104,9 @@ impl WaveletLight {
             levels: levels(s, slot.kind),
             guided: class != Class::Free,
             depth: s.depth,
+            depth_reach: [s.depth_near, s.depth_far],
+            slope_error: s.slope_error,
+            least_contrast: s.least_contrast,
             guide_noise: s.guide_noise,
             normal: s.normal,
             colour: if coloured {

@@ -134,10 +134,11 @@ fn features(local: &LocalFeatures) -> Output {
 
 /// Five frames made ready, with the motion of reflections that the CPU finds.
 fn window(size: Size) -> Vec<PreparedFrame> {
-    let mut frames: Vec<_> = (0..5).map(|t| PreparedFrame::new(frame(t, size)).unwrap()).collect();
+    let mut frames: Vec<_> =
+        (0..5).map(|t| PreparedFrame::new(frame(t, size), &SequenceSettings::default()).unwrap()).collect();
     for t in 1..frames.len() {
         let (before, after) = frames.split_at_mut(t);
-        before[t - 1].followed_by(&mut after[0], Backend::Cpu);
+        before[t - 1].followed_by(&mut after[0], &SequenceSettings::default(), Backend::Cpu);
     }
     frames
 }
@@ -149,9 +150,9 @@ fn every_stage_agrees_with_its_reference() {
     let members: Vec<&PreparedFrame> = frames.iter().collect();
     let here = members[2];
 
-    let plain: Vec<_> = [0, 1].map(|t| PreparedFrame::new(frame(t, Size::new(96, 88))).unwrap()).into();
+    let plain: Vec<_> = [0, 1].map(|t| PreparedFrame::new(frame(t, Size::new(96, 88)), &s).unwrap()).into();
     let motion_of_glass = check("reflection_motion", |stages| {
-        let found = stages.reflection_motion(&plain[0].features, &plain[1].features).unwrap();
+        let found = stages.reflection_motion(&plain[0].features, &plain[1].features, &s.reflections).unwrap();
         vec![motion("to previous", found.to_previous.as_ref()), motion("to next", found.to_next.as_ref())]
     });
     let surface = motion("", plain[1].features.motion.to_previous.as_ref()).1;
@@ -210,7 +211,7 @@ fn stages_agree_where_buffers_and_neighbours_are_missing() {
     bare.lights = frame(0, bare.size).lights;
     bare.lights[0].weight = None;
     for frame in [sparse, bare] {
-        let frame = PreparedFrame::new(frame).unwrap();
+        let frame = PreparedFrame::new(frame, &s).unwrap();
         let run = |stages: &dyn SequenceStages| {
             let gathered = stages.gather(&[&frame], 0, &s.gather);
             let local = stages.feature_noise(&frame.features);

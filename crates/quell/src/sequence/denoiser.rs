@@ -14,9 +14,6 @@ use crate::window::{PreparedFrame, Rows, Weight};
 use std::collections::VecDeque;
 use std::sync::Arc;
 
-/// Samples at which confidence is full.
-const CONFIDENT_SAMPLES: f32 = 8.0;
-
 struct Entry {
     frame: PreparedFrame,
     wanted: bool,
@@ -60,13 +57,13 @@ impl PreparedFrame {
     /// Finds what only a pair of frames shows, where `next` comes right after this frame: motion to the next frame where files
     /// hold none (the sky), and the motion of what mirrors show. Done by [`SequenceDenoiser::push`]; for frames of which
     /// only rows will be pushed it must be done before.
-    pub fn followed_by(&mut self, next: &mut Self, backend: Backend) {
+    pub fn followed_by(&mut self, next: &mut Self, settings: &SequenceSettings, backend: Backend) {
         if self.is_followed_by(next) {
-            self.link(next, stages_of(backend));
+            self.link(next, settings, stages_of(backend));
         }
     }
 
-    fn link(&mut self, next: &mut Self, stages: &dyn SequenceStages) {
+    fn link(&mut self, next: &mut Self, settings: &SequenceSettings, stages: &dyn SequenceStages) {
         if self.features.lacks_motion_to_next() {
             self.features.derive_motion_to_next(&next.features);
         }
@@ -74,7 +71,7 @@ impl PreparedFrame {
         if self.features.motion.reflection_to_next.is_some() {
             return;
         }
-        if let Some(found) = stages.reflection_motion(&self.features, &next.features) {
+        if let Some(found) = stages.reflection_motion(&self.features, &next.features, &settings.reflections) {
             self.features.motion.reflection_to_next = found.to_next;
             next.features.motion.reflection_to_previous = found.to_previous;
         }
@@ -140,7 +137,7 @@ impl SequenceDenoiser {
     /// [`Error::Accelerator`]: as [`Self::push_to`].
     pub fn push(&mut self, frame: SequenceFrame, wanted: bool) -> Result<Vec<Filtered>, Error> {
         let mut out = Vec::new();
-        self.push_to(PreparedFrame::new(frame)?, wanted, &mut |filtered| {
+        self.push_to(PreparedFrame::new(frame, &self.settings)?, wanted, &mut |filtered| {
             out.push(filtered);
             true
         })?;
@@ -162,7 +159,7 @@ impl SequenceDenoiser {
             self.finish_to(out)?;
         }
         if let Some(last) = self.entries.back_mut() {
-            last.frame.link(&mut frame, self.stages);
+            last.frame.link(&mut frame, &self.settings, self.stages);
         }
         self.entries.push_back(Entry { frame, wanted, estimate: None });
         self.ready(false, out)
@@ -286,7 +283,8 @@ impl SequenceDenoiser {
         let estimate = entry.estimate.as_ref()?;
         let (planes, alpha) = run::finish(self.stages, &self.plan, &frames, t - from, &self.settings);
         let samples = estimate.samples.clone();
-        let confidence = Plane::from_fn(samples.size(), |x, y| (samples.at(x, y) / CONFIDENT_SAMPLES).min(1.0));
+        let full = self.settings.variance.confident_samples;
+        let confidence = Plane::from_fn(samples.size(), |x, y| (samples.at(x, y) / full).min(1.0));
         let lights = with_weights(&entry.frame, planes);
         let (number, repaired) = (entry.frame.number, entry.frame.repaired);
         Some(Filtered { number, lights, alpha, confidence, samples, repaired })

@@ -2,7 +2,7 @@
 
 use super::accelerator::{self, Accelerator, WaveletJob};
 use super::pipeline::{SequencePlan, SequenceStage};
-use super::settings::{Gather, SequenceSettings, Stabilise, Variance, Wavelet};
+use super::settings::{Gather, Reflections, SequenceSettings, Stabilise, Variance, Wavelet};
 use crate::denoiser::Backend;
 use crate::error::Error;
 use crate::frame::Rgb;
@@ -15,7 +15,7 @@ use crate::window::{Features, LightSlot, PreparedFrame, Rows};
 
 /// The stages of the sequence filter on one back end; arguments and results as those of the stages' `reference.rs`.
 pub(crate) trait SequenceStages: Sync {
-    fn reflection_motion(&self, previous: &Features, next: &Features) -> Option<ReflectionMotion>;
+    fn reflection_motion(&self, previous: &Features, next: &Features, s: &Reflections) -> Option<ReflectionMotion>;
     fn gather(&self, window: &[&PreparedFrame], centre: usize, s: &Gather) -> Gathered;
     fn feature_noise(&self, features: &Features) -> LocalFeatures;
     fn variance(

@@ -7,7 +7,39 @@ parameters! {
     SequenceSettings
     /// Every parameter, in the order of the stages.
     SEQUENCE_PARAMETERS
-    /// Samples gathered along each surface's way through the frames around.
+    /// Which pixels are mirrors or clear glass, whose light is divided by what they show.
+    mirrors: Mirrors {
+        specular_share: f32 = 0.1, 0.0..=1.0, "of the specular colour", "A surface whose diffuse colour is less than this share of its glossy or transmitted colour is a mirror or clear glass.",
+            higher "Glossy paint counts as a mirror.", lower "Mirrors with a tint or dust do not.", source "ours; what else a pixel of a mirror's edge holds counts little";
+        unknown_colour: f32 = 0.2, 0.0..=1.0, "", "Colour that is assumed where glossy light has none of its own.",
+            higher "More surfaces without a glossy colour count as mirrors.", lower "Fewer.", source "ours";
+        least_colour: f32 = 0.02, 1e-4..=1.0, "", "Least colour that light is divided by.",
+            higher "Dark textures seen in mirrors blur.", lower "Their light is divided by next to nothing: fireflies.", source "ours";
+        edge_colour: f32 = 0.2, 0.0..=1.0, "", "Colour of reflections from which a pixel at a mirror's edge counts as part of it.",
+            higher "A dotted line around mirrors.", lower "Glossy surfaces beside mirrors are divided by their picture.", source "ours";
+    }
+    /// Motion of what mirrors and clear glass show, matched between neighbouring frames.
+    reflections: Reflections {
+        coarsest: u32 = 40, 4..=4096, "pixels", "Levels halve the picture until one side is shorter than twice this.",
+            higher "Fewer levels: slow motion only.", lower "More levels: little is left to match.", source "ours";
+        search: u32 = 3, 0..=8, "pixels", "Offsets tried at the coarsest level, each way.",
+            higher "Faster motion is found, and more false matches.", lower "Slow motion only.", source "ours";
+        patch: u32 = 3, 1..=8, "pixels", "Half the side of the compared patches.",
+            higher "Surer matches, edges of motion blur.", lower "Noisier matches.", source "ours";
+        most_difference: f32 = 0.25, 1e-4..=64.0, "squared, colour and normal", "The most that one pixel of a patch may differ by: edges of what is seen cover and uncover.",
+            higher "One edge decides a patch.", lower "Patches tell less.", source "ours";
+        departure: f32 = 2e-5, 0.0..=1.0, "per squared pixel", "What a pixel of departure from the surface's motion costs.",
+            higher "The surface's motion stays.", lower "Textureless reflections move at random.", source "ours";
+        surface_bonus: f32 = 0.7, 0.0..=1.0, "of its cost", "Another motion than the surface's must be better by this factor.",
+            higher "Reflections leave the surface's motion sooner.", lower "Later.", source "ours";
+        stay: f32 = 0.95, 0.0..=1.0, "of its cost", "Another offset than the one found at the level above must be better by this factor.",
+            higher "Offsets change from pixel to pixel.", lower "Fine levels correct less.", source "ours";
+        least_patch: u32 = 30, 1..=1024, "pixels", "Pixels of mirror that a patch must hold: what is thin says nothing.",
+            higher "Thin mirrors keep the surface's motion.", lower "They are matched at random.", source "ours";
+        least_share: f32 = 0.5, 0.01..=1.0, "of a coarse pixel", "Share of mirror from which a coarse pixel takes part.",
+            higher "Edges of mirrors are left out.", lower "They mix with what is beside.", source "ours";
+    }
+    /// Samples gathered along each surface's motion trajectory through the frames around.
     gather: Gather {
         frames: u32 = 8, 0..=64, "frames", "Frames before, and after, from which samples are taken.",
             higher "Less noise, more memory and time.", lower "Quicker changes of light, more noise.", source "ours: docs/sequence.md";
@@ -31,11 +63,31 @@ parameters! {
             higher "Fast vertical motion keeps more frames; bands of a picture need wider margins.", lower "It loses samples.", source "ours: docs/sequence.md";
         round_trip: f32 = 0.15, 0.0..=16.0, "pixels", "How far there and back again may miss for a surface that moves.",
             higher "Ghosts behind moving things.", lower "Rotating things lose samples.", source "ours";
+        round_trip_share: f32 = 0.05, 0.0..=1.0, "of the motion's length", "How far it may miss beyond that.",
+            higher "Ghosts behind fast things.", lower "Fast things lose samples.", source "ours";
+        standing_normal: f32 = 0.6, -1.0..=1.0, "cosine", "Least cosine between normals of a surface that stands, in two frames.",
+            higher "Noisy normals lose samples.", lower "Samples cross creases.", source "ours";
+        plane_normal: f32 = 0.9, -1.0..=1.0, "cosine", "Least cosine beyond `standing_reach`: other parts of the same plane.",
+            higher "Samples are lost.", lower "Samples come from other things in the same plane.", source "ours";
+        standing_reach: f32 = 6.0, 0.0..=1000.0, "pixel sizes at that depth", "Distance within which a point of the tangent plane is the same surface whatever its normal.",
+            higher "Samples come from further away.", lower "Normal-mapped surfaces lose samples.", source "ours";
+        moving_normal: f32 = 0.7, -1.0..=1.0, "cosine", "Least cosine between normals of a surface that moves.",
+            higher "Turning things lose samples.", lower "Ghosts.", source "ours";
+        moving_depth: f32 = 0.1, 0.0..=1.0, "of depth", "Most change of depth a frame of a surface that moves.",
+            higher "Ghosts.", lower "What comes nearer loses samples.", source "ours";
+        moving_weight: f32 = 0.7, 0.0..=1.0, "", "Weight of a sample that was matched by its motion alone.",
+            higher "Less noise, more smear on what moves.", lower "Noisier.", source "ours";
+        least_share: f32 = 0.01, 0.0..=0.25, "of a pixel", "Pixels of the bilinear footprint with less are left out.",
+            higher "Cheaper, a little blocky.", lower "Dearer.", source "ours";
+        same_noise: f32 = 0.75, 0.0..=16.0, "pixels", "Where one seed was used for all frames, the noise of a pixel is repeated within this distance.",
+            higher "Slow motion loses samples.", lower "The same noise counts twice.", source "ours";
     }
     /// The variance that steers the wavelet.
     variance: Variance {
         radius: u32 = 2, 0..=8, "pixels", "Window in which the variance of a sample is pooled.",
             higher "Steadier estimate.", lower "Sharper estimate.", source "ours; SVGF takes 7x7";
+        confident_samples: f32 = 8.0, 1.0..=1000.0, "samples", "Samples at which the confidence that comes out is full.",
+            higher "Less confidence.", lower "More.", source "ours";
         trusted_samples: f32 = 12.0, 1.0..=1000.0, "samples", "Pooled samples at which the variance over time is believed alone.",
             higher "The spread over the window counts longer: more blur.", lower "Noisy estimates.", source "ours";
     }
@@ -59,12 +111,20 @@ parameters! {
             higher "Sharper creases, less smoothing of curved surfaces.", lower "Light leaks round corners.", source "SVGF: 128th power";
         depth: f32 = 0.01, 1e-5..=1.0, "of depth", "Tolerance of the depth that the tangent plane predicts.",
             higher "Light leaks over steps.", lower "Curved surfaces stay noisy.", source "ours";
+        depth_near: f32 = 0.3, 0.0..=16.0, "of `wavelet.depth`", "Part of the depth tolerance that holds at the centre.",
+            higher "Light leaks over small steps.", lower "Noisy depth stops neighbours.", source "ours";
+        depth_far: f32 = 0.1, 0.0..=16.0, "of `wavelet.depth` per pixel", "Part that each pixel of a tap's distance adds.",
+            higher "Light leaks over steps far away.", lower "Curved surfaces stay noisy.", source "ours";
+        slope_error: f32 = 0.2, 0.0..=16.0, "of the predicted change", "How wrong the slope's prediction may be: surfaces bend.",
+            higher "Light leaks along slanted edges.", lower "Slanted surfaces stay noisy.", source "ours";
         guide_noise: f32 = 1.0, 0.0..=16.0, "", "How far the noise of the guides themselves loosens their stops.",
             higher "Blurred geometry (depth of field, motion, hair) is filtered by colour alone.", lower "It stays noisy.", source "ours";
         seen_albedo: f32 = 0.15, 0.01..=16.0, "of the tone-mapped range", "Tolerance of the albedo seen in mirrors and through glass.",
             higher "Reflections blur.", lower "Noisier ones.", source "ours";
         seen_normal: f32 = 8.0, 0.0..=1000.0, "per 1 - cosine", "Fall of the weight between normals seen there.",
             higher "Sharper reflections.", lower "Smoother ones.", source "ours";
+        least_contrast: f32 = 1e-3, 0.0..=1.0, "of the luminance", "Luminances that differ by less do not differ.",
+            higher "Faint detail blurs.", lower "Rounding stops neighbours where nothing varies.", source "ours";
         albedo: f32 = 0.15, 0.01..=16.0, "", "Tolerance of the surface's colour where a beauty could not be divided.",
             higher "Textures blur.", lower "Noisier.", source "ours";
     }
@@ -76,5 +136,17 @@ parameters! {
             higher "Steadier.", lower "Sharper.", source "ours";
         seen_albedo: f32 = 0.5, 0.01..=16.0, "of the tone-mapped range", "How far what a mirror shows around a pixel may differ in a neighbour in time.",
             higher "Moving reflections smear.", lower "They stay noisy.", source "ours";
+        surface_seen_albedo: f32 = 0.0625, 0.001..=16.0, "of the tone-mapped range", "The same where the surface's motion stands in for the reflection's.",
+            higher "Moving reflections smear.", lower "They stay noisy.", source "ours";
+        departure: f32 = 1.0, 0.0..=64.0, "pixels", "How far the reflection's motion may differ from the surface's for that.",
+            higher "Moving reflections smear.", lower "They stay noisy.", source "ours";
+        nearer: f32 = 1.02, 1.0..=4.0, "times 1/depth", "How much nearer a neighbour in 3x3 must be to stand in front: more than the slope of one surface makes.",
+            higher "Silhouettes move with what is behind.", lower "Slanted surfaces move with their nearest pixel.", source "ours";
+        depth_change: f32 = 0.1, 0.0..=1.0, "of depth", "Most change of depth a frame of what is in front.",
+            higher "Ghosts.", lower "What comes nearer flickers.", source "ours";
+        round_trip: f32 = 0.5, 0.0..=16.0, "pixels", "How far motion there and back again may miss.",
+            higher "Ghosts at silhouettes.", lower "Silhouettes flicker.", source "ours";
+        round_trip_share: f32 = 0.1, 0.0..=1.0, "of the motion's length", "How far it may miss beyond that.",
+            higher "Ghosts behind fast things.", lower "Fast things flicker.", source "ours";
     }
 }

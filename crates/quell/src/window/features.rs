@@ -9,7 +9,7 @@ use crate::frame::Rgb;
 use crate::kernels::guide_distance::Class;
 use crate::par;
 use crate::plane::{Plane, Size};
-use crate::sequence::{LightKind, SequenceFrame};
+use crate::sequence::{LightKind, SequenceFrame, SequenceSettings};
 
 /// What a pixel shows first.
 #[derive(Clone, Copy, Debug, Default, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
@@ -76,12 +76,12 @@ pub struct Features {
     pub pixel_angle: f32,
 }
 
-/// Depths beyond it are background, whatever a renderer writes there (Cycles: 1e10).
+/// Depths beyond it are background, by convention of the formats that hold them: Cycles writes 1e10, others 1e30 or infinity.
 const FAR: f32 = 1e9;
 
 impl Features {
     /// The feature buffers of a frame, whose planes must have the frame's extent.
-    pub fn new(frame: &SequenceFrame) -> Self {
+    pub fn new(frame: &SequenceFrame, settings: &SequenceSettings) -> Self {
         let (w, h) = (frame.size.width, frame.size.height);
         let mut surface = vec![SurfacePoint::default(); frame.size.pixels()];
         par::rows(&mut surface, w, |y, row| {
@@ -129,7 +129,7 @@ impl Features {
             has_seen,
             seen_around,
             albedo,
-            mirror_colour: mirror_colour(frame),
+            mirror_colour: mirror_colour(frame, &settings.mirrors),
             pixel_angle,
         }
     }

@@ -4,20 +4,13 @@ use super::packed::Packed;
 use crate::frame::Rgb;
 use crate::kernels::guide_distance::Class;
 use crate::plane::Plane;
+use crate::sequence::settings::Mirrors;
 use crate::sequence::{Light, LightKind, SequenceFrame};
-
-/// A surface whose matte colour is less than this share of its glossy or transmitted colour is a mirror or glass: what
-/// else a pixel of its edge holds counts little.
-const SPECULAR_SHARE: f32 = 0.1;
-/// Colour that is assumed where glossy light has none of its own.
-const UNKNOWN_COLOUR: f32 = 0.2;
-/// Least colour that light is divided by.
-const LEAST_COLOUR: f32 = 0.02;
 
 /// The colour of what is seen in mirrors and through glass; 1 elsewhere. Divided by it, a reflection is as smooth as the
 /// light on the things reflected. Where a surface has a diffuse colour of its own (what multiplies matte light, or else the
 /// albedo), the renderer's `seen` albedo is that colour, which the reflection does not carry.
-pub(super) fn mirror_colour(frame: &SequenceFrame) -> Option<Packed> {
+pub(super) fn mirror_colour(frame: &SequenceFrame, s: &Mirrors) -> Option<Packed> {
     let matte = |l: &&Light| matches!(l.kind, LightKind::MatteDirect | LightKind::MatteIndirect);
     let diffuse = frame.lights.iter().filter(matte).find_map(|l| l.weight.as_deref());
     let (seen, diffuse) = (frame.seen_albedo.as_ref()?, diffuse.or(frame.albedo.as_ref())?);
@@ -29,33 +22,30 @@ pub(super) fn mirror_colour(frame: &SequenceFrame) -> Option<Packed> {
                     *specular = w.iter().copied().fold(*specular, f32::max);
                 }
             }
-            None => specular.iter_mut().for_each(|s| *s = s.max(UNKNOWN_COLOUR)),
+            None => specular.iter_mut().for_each(|colour| *colour = colour.max(s.unknown_colour)),
         }
     }
     let pixel = |((seen, diffuse), specular): ((&Rgb, &Rgb), &f32)| {
-        let specular = diffuse.iter().all(|&c| c < SPECULAR_SHARE * specular);
+        let specular = diffuse.iter().all(|&c| c < s.specular_share * specular);
         let lit = seen.iter().all(|c| c.is_finite()) && seen.iter().any(|&c| c > 0.0);
-        if specular && lit { seen.map(|c| c.max(LEAST_COLOUR)) } else { [1.0; 3] }
+        if specular && lit { seen.map(|c| c.max(s.least_colour)) } else { [1.0; 3] }
     };
     let mut colours: Vec<Rgb> = seen.data().iter().zip(diffuse.data()).zip(&specular).map(pixel).collect();
-    divide_edges(frame, &mut colours);
+    divide_edges(frame, &mut colours, s);
     Some(Packed::new(frame.size, 1, |_, i| colours[i]))
 }
-
-/// Colour of reflections and refractions from which a pixel at a mirror's edge counts as part of it.
-const PARTLY_SPECULAR: f32 = 0.2;
 
 /// A pixel at the edge of a mirror shows mirror and frame, so it has a diffuse colour; its reflection is the mirror's
 /// all the same, and is divided by what its neighbours in the mirror were: else light that was divided would be mixed with
 /// light that was not (a dotted white line around mirrors).
-fn divide_edges(frame: &SequenceFrame, colours: &mut [Rgb]) {
+fn divide_edges(frame: &SequenceFrame, colours: &mut [Rgb], s: &Mirrors) {
     let (w, h) = (frame.size.width, frame.size.height);
     let inner = colours.to_vec();
     let weights: Vec<&Plane<Rgb>> =
         frame.lights.iter().filter(|l| Class::of(l.kind) == Class::Seen).filter_map(|l| l.weight.as_deref()).collect();
     for y in 0..h {
         for x in 0..w {
-            let reflects = || weights.iter().any(|plane| plane.at(x, y).iter().any(|&c| c > PARTLY_SPECULAR));
+            let reflects = || weights.iter().any(|plane| plane.at(x, y).iter().any(|&c| c > s.edge_colour));
             if inner[y * w + x] != [1.0; 3] || !reflects() {
                 continue;
             }

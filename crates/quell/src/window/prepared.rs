@@ -8,7 +8,7 @@ use crate::kernels::guide_distance::Class;
 use crate::kernels::math::luminance;
 use crate::par;
 use crate::plane::Plane;
-use crate::sequence::{Light, LightKind, SequenceFrame};
+use crate::sequence::{Light, LightKind, SequenceFrame, SequenceSettings};
 use std::sync::Arc;
 
 /// A light's place among the packed samples.
@@ -73,7 +73,7 @@ impl PreparedFrame {
     ///
     /// # Errors
     /// [`Error::EmptySize`], [`Error::PlaneSize`].
-    pub fn new(mut frame: SequenceFrame) -> Result<Self, Error> {
+    pub fn new(mut frame: SequenceFrame, settings: &SequenceSettings) -> Result<Self, Error> {
         frame.check()?;
         // Not copied: frames are large.
         let motion = MotionPlanes {
@@ -81,7 +81,7 @@ impl PreparedFrame {
             to_next: frame.motion_to_next.take(),
             ..MotionPlanes::default()
         };
-        let features = Features { motion, ..Features::new(&frame) };
+        let features = Features { motion, ..Features::new(&frame, settings) };
         // In a medium even what is steady behind it has noise: whether a ray gets there is chance.
         let lit = |light: &Light| light.light.data().iter().flatten().any(|&c| c > 0.0);
         let foggy = frame.lights.iter().any(|l| l.kind == LightKind::Volume && lit(l));

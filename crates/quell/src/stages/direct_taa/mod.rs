@@ -9,6 +9,9 @@
 //! | source | \[S] "TAA on direct term", details \[E]: `docs/paper.md`, stage 11 |
 //! | parameters | `direct_taa.*` |
 //!
+//! History is limited to the range in 3x3 (Karis 2014): jitter moves a sample by half a pixel at most, so what history may hold
+//! lies in a neighbour; the size is no parameter.
+//!
 //! Motion is that of the nearest depth in 3x3, so that silhouettes carry their own anti-aliasing along.
 
 #[cfg(feature = "cpu")]

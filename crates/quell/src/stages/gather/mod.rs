@@ -26,22 +26,6 @@ use crate::sequence::LightKind;
 use crate::sequence::settings::Gather;
 use crate::window::{Features, LightSlot, PreparedFrame, Rows, Samples};
 
-/// Weight of a sample that was matched by its motion alone.
-pub(crate) const MOVING_WEIGHT: f32 = 0.7;
-/// Least cosine between normals of one surface now and then: standing, and turning.
-pub(crate) const STANDING_NORMAL: f32 = 0.6;
-pub(crate) const MOVING_NORMAL: f32 = 0.7;
-/// Pixels within which a point of the same plane is the same surface, whatever its normal; beyond, normals must agree.
-pub(crate) const STANDING_REACH: f32 = 6.0;
-pub(crate) const PLANE_NORMAL: f32 = 0.9;
-/// Part of a motion's length by which the way there and back may miss, beside `gather.round_trip`.
-pub(crate) const ROUND_TRIP_SHARE: f32 = 0.05;
-/// Most relative change of depth a frame of a surface that moves.
-pub(crate) const MOVING_DEPTH: f32 = 0.1;
-/// Taps with less of the bilinear weight are left out.
-pub(crate) const LEAST_SHARE: f32 = 0.01;
-/// Noise that repeats (one seed for all frames) sticks to the pixel: nearer than this it is the same noise.
-pub(crate) const SAME_NOISE: f32 = 0.75;
 /// The worth of a mean in samples from which its spread says something of its variance.
 pub(crate) const LEAST_COUNT: f32 = 1.01;
 

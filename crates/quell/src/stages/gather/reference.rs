@@ -1,9 +1,6 @@
 //! The specification of stage 1 of the sequence filter.
 
-use super::{
-    Gathered, LEAST_COUNT, LEAST_SHARE, MOVING_DEPTH, MOVING_NORMAL, MOVING_WEIGHT, PLANE_NORMAL, Place,
-    ROUND_TRIP_SHARE, SAME_NOISE, STANDING_NORMAL, STANDING_REACH, decay, lit, seen_distance,
-};
+use super::{Gathered, LEAST_COUNT, Place, decay, lit, seen_distance};
 use crate::kernels::guide_distance::{Class, weight};
 use crate::kernels::math::luminance;
 use crate::sequence::settings::Gather;
@@ -118,7 +115,7 @@ fn follow(
         if !(inside(at[0], w) && inside(at[1], h)) || (at[1] - origin[1]).abs() > s.travel * h as f32 {
             return; // NaN, unknown motion, is not inside
         }
-        let still = (at[0] - origin[0]).abs() < SAME_NOISE && (at[1] - origin[1]).abs() < SAME_NOISE;
+        let still = (at[0] - origin[0]).abs() < s.same_noise && (at[1] - origin[1]).abs() < s.same_noise;
         let repeated = still && (from.repeats_noise || there.repeats_noise);
         let back = there.features.motion.get(!forward, reflected);
         let size = pixel_size(&tracked, there.features.pixel_angle);
@@ -130,7 +127,7 @@ fn follow(
             let share = part(at[0] - left, i) * part(at[1] - top, j);
             let (x, y) = (left as isize + i as isize, top as isize + j as isize);
             let row = there.features.row_here(y);
-            let (Some(row), true) = (row, share >= LEAST_SHARE && x >= 0 && x < w as isize) else { continue };
+            let (Some(row), true) = (row, share >= s.least_share && x >= 0 && x < w as isize) else { continue };
             let q = row * w + x as usize;
             let miss = back.map(|back| back.data()[q]).map(|b| (m[0] + b[0]).hypot(m[1] + b[1]));
             let trust = trust(&there.features.surface[q], &tracked, size, m[0].hypot(m[1]), miss, s);
@@ -178,17 +175,17 @@ fn trust(
     let off = off_plane(now, tracked);
     if pixel_size > 0.0 && off < s.plane_distance * pixel_size {
         let squared: f32 = (0..3).map(|c| (now.position[c] - tracked.position[c]).powi(2)).sum();
-        let near = squared.sqrt() < STANDING_REACH * pixel_size.max(off);
-        if near || cosine > PLANE_NORMAL {
-            return (cosine >= STANDING_NORMAL).then_some(1.0);
+        let near = squared.sqrt() < s.standing_reach * pixel_size.max(off);
+        if near || cosine > s.plane_normal {
+            return (cosine >= s.standing_normal).then_some(1.0);
         }
     }
-    let allowed = s.round_trip + ROUND_TRIP_SHARE * length;
+    let allowed = s.round_trip + s.round_trip_share * length;
     if miss.is_some_and(|miss| miss.is_nan() || miss > allowed) {
         return None;
     }
     let change = if is_surface(tracked) { (now.inverse_depth / tracked.inverse_depth - 1.0).abs() } else { 0.0 };
-    (change <= MOVING_DEPTH && cosine >= MOVING_NORMAL).then_some(MOVING_WEIGHT)
+    (change <= s.moving_depth && cosine >= s.moving_normal).then_some(s.moving_weight)
 }
 
 /// Distance from the tracked surface's tangent plane.

@@ -1,9 +1,5 @@
 //! Where a pixel's surface lies in the other frames of the window, and which of their pixels show it.
 
-use super::{
-    LEAST_SHARE, MOVING_DEPTH, MOVING_NORMAL, MOVING_WEIGHT, PLANE_NORMAL, ROUND_TRIP_SHARE, SAME_NOISE,
-    STANDING_NORMAL, STANDING_REACH,
-};
 use crate::sequence::settings::Gather;
 use crate::window::{PreparedFrame, SurfacePoint};
 
@@ -70,8 +66,8 @@ fn follow(
             return;
         }
         let repeated = (from.repeats_noise || member.repeats_noise)
-            && (at.0 - origin.0).abs() < SAME_NOISE
-            && (at.1 - origin.1).abs() < SAME_NOISE;
+            && (at.0 - origin.0).abs() < gather.same_noise
+            && (at.1 - origin.1).abs() < gather.same_noise;
         let back = member.features.motion.get(!forward, reflected);
         let (left, top) = (at.0.floor(), at.1.floor());
         let (tx, ty) = (at.0 - left, at.1 - top);
@@ -82,7 +78,7 @@ fn follow(
             [(0, 0, (1.0 - tx) * (1.0 - ty)), (1, 0, tx * (1.0 - ty)), (0, 1, (1.0 - tx) * ty), (1, 1, tx * ty)]
         {
             let (qx, qy) = (left as isize + dx, top as isize + dy);
-            if share < LEAST_SHARE || qx < 0 || qx >= w as isize {
+            if share < gather.least_share || qx < 0 || qx >= w as isize {
                 continue;
             }
             let Some(row) = member.features.row_here(qy) else { continue };
@@ -141,9 +137,9 @@ fn same_surface(
     if pixel_size > 0.0 {
         let off = off_plane(s, tracked);
         let d = difference(s, tracked);
-        let near = dot(d, d) < (STANDING_REACH * pixel_size.max(off)).powi(2);
-        if off < gather.plane_distance * pixel_size && (near || cosine > PLANE_NORMAL) {
-            return (cosine >= STANDING_NORMAL).then_some(1.0);
+        let near = dot(d, d) < (gather.standing_reach * pixel_size.max(off)).powi(2);
+        if off < gather.plane_distance * pixel_size && (near || cosine > gather.plane_normal) {
+            return (cosine >= gather.standing_normal).then_some(1.0);
         }
     }
     // It moves, or positions are unknown: the surface there must come from here.
@@ -151,11 +147,11 @@ fn same_surface(
         let length = (motion[0] * motion[0] + motion[1] * motion[1]).sqrt();
         let miss = (miss[0] * miss[0] + miss[1] * miss[1]).sqrt();
         // NaN is no agreement.
-        if miss.is_nan() || miss > gather.round_trip + ROUND_TRIP_SHARE * length {
+        if miss.is_nan() || miss > gather.round_trip + gather.round_trip_share * length {
             return None;
         }
     }
     let depth_change =
         if tracked.inverse_depth > 0.0 { (s.inverse_depth / tracked.inverse_depth - 1.0).abs() } else { 0.0 };
-    (depth_change <= MOVING_DEPTH && cosine >= MOVING_NORMAL).then_some(MOVING_WEIGHT)
+    (depth_change <= gather.moving_depth && cosine >= gather.moving_normal).then_some(gather.moving_weight)
 }

@@ -1,11 +1,9 @@
 //! Motion of what mirrors and glass show, matched on all threads.
 
-use super::{
-    COARSEST, DEPARTURE, LEAST_PATCH, LEAST_SHARE, MOST_DIFFERENCE, PATCH, ReflectionMotion, SEARCH, STAY,
-    SURFACE_BONUS,
-};
+use super::ReflectionMotion;
 use crate::par;
 use crate::plane::{Plane, Size};
+use crate::sequence::settings::Reflections;
 use crate::window::Features;
 
 /// Colour and normal that a pixel shows.
@@ -62,10 +60,10 @@ impl Level {
     }
 }
 
-fn pyramid(finest: Level) -> Vec<Level> {
+fn pyramid(finest: Level, s: &Reflections) -> Vec<Level> {
     let mut levels = vec![finest];
     while let Some(last) = levels.last()
-        && last.size.width.min(last.size.height) >= 2 * COARSEST
+        && last.size.width.min(last.size.height) >= 2 * s.coarsest as usize
     {
         let next = last.coarser();
         levels.push(next);
@@ -75,28 +73,28 @@ fn pyramid(finest: Level) -> Vec<Level> {
 
 /// Motion of reflections from `next` to `previous`, and back; each `None` where the surface's is unknown. `None`: one
 /// of the frames has no mirror.
-pub(crate) fn run(previous: &Features, next: &Features) -> Option<ReflectionMotion> {
-    let (a, b) = (pyramid(Level::finest(previous)?), pyramid(Level::finest(next)?));
+pub(crate) fn run(previous: &Features, next: &Features, s: &Reflections) -> Option<ReflectionMotion> {
+    let (a, b) = (pyramid(Level::finest(previous)?, s), pyramid(Level::finest(next)?, s));
     Some(ReflectionMotion {
-        to_previous: next.motion.to_previous.as_ref().map(|m| follow(&b, &a, m.clone())),
-        to_next: previous.motion.to_next.as_ref().map(|m| follow(&a, &b, m.clone())),
+        to_previous: next.motion.to_previous.as_ref().map(|m| follow(&b, &a, m.clone(), s)),
+        to_next: previous.motion.to_next.as_ref().map(|m| follow(&a, &b, m.clone(), s)),
     })
 }
 
 /// Replaces `motion` from `here` to `there` at mirrors and glass.
-fn follow(here: &[Level], there: &[Level], mut motion: Plane<[f32; 2]>) -> Plane<[f32; 2]> {
+fn follow(here: &[Level], there: &[Level], mut motion: Plane<[f32; 2]>, s: &Reflections) -> Plane<[f32; 2]> {
     let surface = motions(here, &motion);
     let mut found: Vec<[i32; 2]> = Vec::new();
     let mut above = Size::new(0, 0);
     for level in (0..here.len()).rev() {
-        let pair = Pair { here: &here[level], there: &there[level], surface: &surface[level] };
+        let pair = Pair { here: &here[level], there: &there[level], surface: &surface[level], s };
         let size = pair.here.size;
         let coarse = std::mem::take(&mut found);
         found = par::plane(size, |x, y| pair.best(x as i32, y as i32, &coarse, above)).into_vec();
         above = size;
         found = pair.calm(&found);
     }
-    let pair = Pair { here: &here[0], there: &there[0], surface: &surface[0] };
+    let pair = Pair { here: &here[0], there: &there[0], surface: &surface[0], s };
     let size = pair.here.size;
     let fine = par::plane(size, |x, y| pair.between_pixels(x as i32, y as i32, &found));
     let known = |m: &[f32; 2]| m.iter().all(|c| c.is_finite());
@@ -136,30 +134,34 @@ struct Pair<'a> {
     here: &'a Level,
     there: &'a Level,
     surface: &'a [[f32; 2]],
+    s: &'a Reflections,
 }
 
 impl Pair<'_> {
     /// Pixels of mirror in the patch.
     fn population(&self, x: i32, y: i32) -> usize {
-        let around = (-PATCH..=PATCH).flat_map(|dy| (-PATCH..=PATCH).map(move |dx| (x + dx, y + dy)));
-        around.filter_map(|(x, y)| self.here.at(x, y)).filter(|&p| self.here.share[p] >= LEAST_SHARE).count()
+        let patch = self.s.patch as i32;
+        let around = (-patch..=patch).flat_map(|dy| (-patch..=patch).map(move |dx| (x + dx, y + dy)));
+        around.filter_map(|(x, y)| self.here.at(x, y)).filter(|&p| self.here.share[p] >= self.s.least_share).count()
     }
 
     /// Mean difference of the patches round (x, y) here and round (x, y) + `offset` there, and the cost of departing.
     fn cost(&self, x: i32, y: i32, offset: [i32; 2]) -> f32 {
         let (mut sum, mut n) = (0.0f32, 0.0f32);
-        for dy in -PATCH..=PATCH {
-            for dx in -PATCH..=PATCH {
-                let Some(p) = self.here.at(x + dx, y + dy).filter(|&p| self.here.share[p] >= LEAST_SHARE) else {
+        let Reflections { least_share, most_difference, departure: rate, .. } = *self.s;
+        let patch = self.s.patch as i32;
+        for dy in -patch..=patch {
+            for dx in -patch..=patch {
+                let Some(p) = self.here.at(x + dx, y + dy).filter(|&p| self.here.share[p] >= least_share) else {
                     continue;
                 };
                 let q = self.there.at(x + dx + offset[0], y + dy + offset[1]);
-                let difference = match q.filter(|&q| self.there.share[q] >= LEAST_SHARE) {
+                let difference = match q.filter(|&q| self.there.share[q] >= least_share) {
                     Some(q) => {
                         let (a, b) = (&self.here.seen[p], &self.there.seen[q]);
-                        (0..6).map(|c| (a[c] - b[c]).powi(2)).sum::<f32>().min(MOST_DIFFERENCE)
+                        (0..6).map(|c| (a[c] - b[c]).powi(2)).sum::<f32>().min(most_difference)
                     }
-                    None => MOST_DIFFERENCE,
+                    None => most_difference,
                 };
                 sum += difference;
                 n += 1.0;
@@ -167,17 +169,17 @@ impl Pair<'_> {
         }
         let Some(p) = self.here.at(x, y).filter(|_| n > 0.0) else { return f32::MAX };
         let departure = [0, 1].map(|c| offset[c] as f32 - self.surface[p][c]);
-        sum / n + DEPARTURE * (departure[0] * departure[0] + departure[1] * departure[1])
+        sum / n + rate * (departure[0] * departure[0] + departure[1] * departure[1])
     }
 
     /// The best offset of a pixel, from those of the level above.
     fn best(&self, x: i32, y: i32, coarse: &[[i32; 2]], above: Size) -> [i32; 2] {
         let Some(p) = self.here.at(x, y) else { return [0; 2] };
         let start = self.surface[p].map(|m| m.round() as i32);
-        if self.here.share[p] < LEAST_SHARE || self.population(x, y) < LEAST_PATCH {
+        if self.here.share[p] < self.s.least_share || self.population(x, y) < self.s.least_patch as usize {
             return start;
         }
-        let mut best = (SURFACE_BONUS * self.cost(x, y, start), start);
+        let mut best = (self.s.surface_bonus * self.cost(x, y, start), start);
         let attempt = |offset: [i32; 2], best: &mut (f32, [i32; 2])| {
             let cost = self.cost(x, y, offset);
             if cost < best.0 {
@@ -185,8 +187,9 @@ impl Pair<'_> {
             }
         };
         if coarse.is_empty() {
-            for dy in -SEARCH..=SEARCH {
-                for dx in -SEARCH..=SEARCH {
+            let search = self.s.search as i32;
+            for dy in -search..=search {
+                for dx in -search..=search {
                     attempt([start[0] + dx, start[1] + dy], &mut best);
                 }
             }
@@ -199,7 +202,7 @@ impl Pair<'_> {
             }
         }
         let middle = best.1;
-        best.0 *= STAY;
+        best.0 *= self.s.stay;
         for dy in -1..=1 {
             for dx in -1..=1 {
                 attempt([middle[0] + dx, middle[1] + dy], &mut best);
@@ -214,12 +217,12 @@ impl Pair<'_> {
         let median = |x: usize, y: usize| {
             let p = y * size.width + x;
             let (x, y) = (x as i32, y as i32);
-            if self.population(x, y) < LEAST_PATCH || self.here.share[p] < LEAST_SHARE {
+            if self.population(x, y) < self.s.least_patch as usize || self.here.share[p] < self.s.least_share {
                 return found[p];
             }
             let mut around = [Vec::new(), Vec::new()];
             for q in (-1..=1).flat_map(|dy| (-1..=1).filter_map(move |dx| self.here.at(x + dx, y + dy))) {
-                if self.here.share[q] >= LEAST_SHARE {
+                if self.here.share[q] >= self.s.least_share {
                     around[0].push(found[q][0]);
                     around[1].push(found[q][1]);
                 }
@@ -234,7 +237,7 @@ impl Pair<'_> {
 
     /// The least of the parabolas through the best offset's cost and its neighbours'.
     fn between_pixels(&self, x: i32, y: i32, found: &[[i32; 2]]) -> [f32; 2] {
-        let Some(p) = self.here.at(x, y).filter(|&p| self.here.share[p] >= LEAST_SHARE) else { return [0.0; 2] };
+        let Some(p) = self.here.at(x, y).filter(|&p| self.here.share[p] >= self.s.least_share) else { return [0.0; 2] };
         if found[p] == self.surface[p].map(|m| m.round() as i32) {
             return self.surface[p];
         }

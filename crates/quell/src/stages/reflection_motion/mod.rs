@@ -6,6 +6,7 @@
 //! | writes | motion of reflections, both ways; at other pixels the surface's |
 //! | reach | the whole picture: done before a frame is cut into bands |
 //! | equation | least mean of min(\|a - b\|^2, most) over 7x7 of mirror, plus a cost of departing from the surface's motion; parabola between pixels |
+//! | parameters | `reflections.*` |
 //! | source | block matching over a pyramid; ours: `docs/sequence.md` |
 //!
 //! Coarse to fine: at the coarsest level every offset near the surface's motion is tried, at finer ones what the level above
@@ -25,22 +26,3 @@ pub struct ReflectionMotion {
     /// From the earlier frame to the later.
     pub to_next: Option<Plane<[f32; 2]>>,
 }
-
-/// Levels halve the picture until one side is shorter than twice this.
-pub(crate) const COARSEST: usize = 40;
-/// Offsets tried at the coarsest level, each way.
-pub(crate) const SEARCH: i32 = 3;
-/// Half the side of the compared patches.
-pub(crate) const PATCH: i32 = 3;
-/// The most that one pixel of a patch may differ by: edges of what is seen cover and uncover.
-pub(crate) const MOST_DIFFERENCE: f32 = 0.25;
-/// What a pixel of departure from the surface's motion costs, squared, at the level where it is taken.
-pub(crate) const DEPARTURE: f32 = 2e-5;
-/// Another motion than the surface's must be better by this factor.
-pub(crate) const SURFACE_BONUS: f32 = 0.7;
-/// Another offset than the one found at the level above, likewise.
-pub(crate) const STAY: f32 = 0.95;
-/// Pixels of mirror that a patch must hold: what is thin tells nothing.
-pub(crate) const LEAST_PATCH: usize = 30;
-/// Share of mirror in a coarse pixel from which it takes part.
-pub(crate) const LEAST_SHARE: f32 = 0.5;

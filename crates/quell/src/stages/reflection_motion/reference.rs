@@ -1,18 +1,16 @@
 //! The specification of the motion of reflections.
 
-use super::{
-    COARSEST, DEPARTURE, LEAST_PATCH, LEAST_SHARE, MOST_DIFFERENCE, PATCH, ReflectionMotion, SEARCH, STAY,
-    SURFACE_BONUS,
-};
+use super::ReflectionMotion;
 use crate::plane::{Plane, Size};
+use crate::sequence::settings::Reflections;
 use crate::window::Features;
 
 /// Motion of reflections between two neighbouring frames; `None`: one of them has no mirror.
-pub fn run(previous: &Features, next: &Features) -> Option<ReflectionMotion> {
+pub fn run(previous: &Features, next: &Features, s: &Reflections) -> Option<ReflectionMotion> {
     let (a, b) = (Image::of(previous)?, Image::of(next)?);
     Some(ReflectionMotion {
-        to_previous: next.motion.to_previous.as_ref().map(|motion| matched(&b, &a, motion)),
-        to_next: previous.motion.to_next.as_ref().map(|motion| matched(&a, &b, motion)),
+        to_previous: next.motion.to_previous.as_ref().map(|motion| matched(&b, &a, motion, s)),
+        to_next: previous.motion.to_next.as_ref().map(|motion| matched(&a, &b, motion, s)),
     })
 }
 
@@ -61,27 +59,28 @@ impl Image {
         [(0, 0), (1, 0), (0, 1), (1, 1)].map(|(i, j)| (2 * x + i, 2 * y + j)).into_iter().filter(inside).collect()
     }
 
-    /// True where a pixel lies in the image and is mirror enough to be compared.
-    fn is_mirror(&self, x: i32, y: i32) -> bool {
+    /// True where a pixel lies in the image and at least `least_share` of it is a mirror.
+    fn is_mirror(&self, x: i32, y: i32, least_share: f32) -> bool {
         let inside = x >= 0 && y >= 0 && (x as usize) < self.size().width && (y as usize) < self.size().height;
-        inside && self.share.at(x as usize, y as usize) >= LEAST_SHARE
+        inside && self.share.at(x as usize, y as usize) >= least_share
     }
 }
 
 /// One scale of both frames, with the surface's motion there.
-struct Scale {
+struct Scale<'a> {
+    s: &'a Reflections,
     here: Image,
     there: Image,
     surface: Plane<[f32; 2]>,
 }
 
 /// The surface's motion with that of reflections in its place at mirrors.
-fn matched(here: &Image, there: &Image, motion: &Plane<[f32; 2]>) -> Plane<[f32; 2]> {
+fn matched(here: &Image, there: &Image, motion: &Plane<[f32; 2]>, s: &Reflections) -> Plane<[f32; 2]> {
     let is_known = |m: [f32; 2]| m[0].is_finite() && m[1].is_finite();
     let known = Plane::from_fn(here.size(), |x, y| if is_known(motion.at(x, y)) { motion.at(x, y) } else { [0.0; 2] });
-    let mut scales = vec![Scale { here: here.clone(), there: there.clone(), surface: known }];
-    while scales[scales.len() - 1].here.size().width.min(scales[scales.len() - 1].here.size().height) >= 2 * COARSEST {
-        scales.push(scales[scales.len() - 1].halved());
+    let mut scales = vec![Scale { s, here: here.clone(), there: there.clone(), surface: known }];
+    while let Some(next) = scales.last().filter(|last| last.can_be_halved()).map(Scale::halved) {
+        scales.push(next);
     }
     let mut found: Option<Plane<[i32; 2]>> = None;
     for scale in scales.iter().rev() {
@@ -100,7 +99,11 @@ fn matched(here: &Image, there: &Image, motion: &Plane<[f32; 2]>) -> Plane<[f32;
     })
 }
 
-impl Scale {
+impl Scale<'_> {
+    fn can_be_halved(&self) -> bool {
+        self.here.size().width.min(self.here.size().height) >= 2 * self.s.coarsest as usize
+    }
+
     fn halved(&self) -> Self {
         let here = self.here.halved();
         let surface = Plane::from_fn(here.size(), |x, y| {
@@ -111,7 +114,12 @@ impl Scale {
             // Half as many pixels.
             [0, 1].map(|c| if total > 0.0 { 0.5 * sum(c) / total } else { 0.0 })
         });
-        Self { here, there: self.there.halved(), surface }
+        Self { s: self.s, here, there: self.there.halved(), surface }
+    }
+
+    /// True where a pixel here takes part in the comparison.
+    fn is_mirror(&self, x: i32, y: i32) -> bool {
+        self.here.is_mirror(x, y, self.s.least_share)
     }
 
     /// The surface's motion in whole pixels.
@@ -119,29 +127,34 @@ impl Scale {
         self.surface.at(x as usize, y as usize).map(|m| m.round() as i32)
     }
 
+    fn patch(&self, x: i32, y: i32) -> impl Iterator<Item = (i32, i32)> {
+        square(self.s.patch as i32).map(move |[dx, dy]| (x + dx, y + dy))
+    }
+
     /// True where the patch around a pixel of a mirror holds enough of it: what is thin says nothing.
     fn can_match(&self, x: i32, y: i32) -> bool {
-        self.here.is_mirror(x, y) && patch(x, y).filter(|&(x, y)| self.here.is_mirror(x, y)).count() >= LEAST_PATCH
+        self.is_mirror(x, y)
+            && self.patch(x, y).filter(|&(x, y)| self.is_mirror(x, y)).count() >= self.s.least_patch as usize
     }
 
     /// Mean difference of the patches around a pixel here and at an offset there, and what departing from the surface's
     /// motion costs.
     fn cost(&self, x: i32, y: i32, offset: [i32; 2]) -> f32 {
         let (mut sum, mut n) = (0.0, 0.0);
-        for (px, py) in patch(x, y).filter(|&(x, y)| self.here.is_mirror(x, y)) {
+        for (px, py) in self.patch(x, y).filter(|&(x, y)| self.is_mirror(x, y)) {
             let (qx, qy) = (px + offset[0], py + offset[1]);
-            sum += if self.there.is_mirror(qx, qy) {
+            sum += if self.there.is_mirror(qx, qy, self.s.least_share) {
                 let a = self.here.seen.at(px as usize, py as usize);
                 let b = self.there.seen.at(qx as usize, qy as usize);
-                a.iter().zip(&b).map(|(a, b)| (a - b).powi(2)).sum::<f32>().min(MOST_DIFFERENCE)
+                a.iter().zip(&b).map(|(a, b)| (a - b).powi(2)).sum::<f32>().min(self.s.most_difference)
             } else {
-                MOST_DIFFERENCE
+                self.s.most_difference
             };
             n += 1.0;
         }
         let surface = self.surface.at(x as usize, y as usize);
         let departure: f32 = (0..2).map(|c| (offset[c] as f32 - surface[c]).powi(2)).sum();
-        sum / n + DEPARTURE * departure
+        sum / n + self.s.departure * departure
     }
 
     /// The best offset of a pixel, from those found at half the size.
@@ -150,9 +163,9 @@ impl Scale {
         if !self.can_match(x, y) {
             return start;
         }
-        let bonus = SURFACE_BONUS * self.cost(x, y, start);
+        let bonus = self.s.surface_bonus * self.cost(x, y, start);
         let Some(above) = above else {
-            let around = square(SEARCH).map(|[dx, dy]| [start[0] + dx, start[1] + dy]);
+            let around = square(self.s.search as i32).map(|[dx, dy]| [start[0] + dx, start[1] + dy]);
             return self.least(x, y, (bonus, start), around).1;
         };
         let candidates = [(0, 0), (-1, 0), (1, 0), (0, -1), (0, 1)].into_iter().filter_map(|(dx, dy)| {
@@ -163,7 +176,7 @@ impl Scale {
         });
         let (cost, middle) = self.least(x, y, (bonus, start), candidates);
         let around = square(1).map(|[dx, dy]| [middle[0] + dx, middle[1] + dy]);
-        self.least(x, y, (STAY * cost, middle), around).1
+        self.least(x, y, (self.s.stay * cost, middle), around).1
     }
 
     /// The offset that costs least; the earlier wins.
@@ -179,7 +192,7 @@ impl Scale {
         if !self.can_match(x, y) {
             return found.at(x as usize, y as usize);
         }
-        let around = square(1).map(|[dx, dy]| (x + dx, y + dy)).filter(|&(x, y)| self.here.is_mirror(x, y));
+        let around = square(1).map(|[dx, dy]| (x + dx, y + dy)).filter(|&(x, y)| self.is_mirror(x, y));
         let offsets: Vec<[i32; 2]> = around.map(|(x, y)| found.at(x as usize, y as usize)).collect();
         [0, 1].map(|c| {
             let mut sorted: Vec<i32> = offsets.iter().map(|o| o[c]).collect();
@@ -211,8 +224,4 @@ impl Scale {
 /// Offsets up to `radius` pixels each way, row by row.
 fn square(radius: i32) -> impl Iterator<Item = [i32; 2]> {
     (-radius..=radius).flat_map(move |dy| (-radius..=radius).map(move |dx| [dx, dy]))
-}
-
-fn patch(x: i32, y: i32) -> impl Iterator<Item = (i32, i32)> {
-    square(PATCH).map(move |[dx, dy]| (x + dx, y + dy))
 }

@@ -1,6 +1,6 @@
 //! A pixel of the steadier picture.
 
-use super::{DEPTH_CHANGE, NEARER, NO_DEPARTURE, ROUND_TRIP, StabiliseFrame, UNSURE, seen_difference};
+use super::{StabiliseFrame, seen_difference};
 use crate::frame::Rgb;
 use crate::kernels::guide_distance::weight;
 use crate::sequence::settings::{Gather, Stabilise};
@@ -113,7 +113,7 @@ impl<'a> Track<'a> {
             origin,
             farthest: gather.travel * here.picture_height as f32,
             at: origin,
-            front: front(here, x, y),
+            front: front(here, x, y, settings.nearer),
         }
     }
 
@@ -122,13 +122,13 @@ impl<'a> Track<'a> {
         // What a mirror or a glass shows has its own motion; where that is unsure, the surface's counts, unless both
         // differ.
         let along = |reflected: bool| {
-            step(from, to, forward, reflected, self.at, &self.front)
+            step(from, to, forward, reflected, self.at, &self.front, self.settings)
                 .filter(|(at, _)| (at.1 - self.origin.1).abs() <= self.farthest)
         };
         let mut tolerance = self.settings.seen_albedo;
         let step = match along(self.mirror) {
-            None if self.mirror && departs(from, forward, self.front.pixel) <= NO_DEPARTURE => {
-                tolerance *= UNSURE;
+            None if self.mirror && departs(from, forward, self.front.pixel) <= self.settings.departure => {
+                tolerance = self.settings.surface_seen_albedo;
                 along(false)
             }
             step => step,
@@ -148,8 +148,8 @@ struct Front {
 }
 
 impl Front {
-    fn same(&self, other: &Self) -> bool {
-        (self.inverse_depth - other.inverse_depth).abs() <= DEPTH_CHANGE * other.inverse_depth
+    fn same(&self, other: &Self, s: &Stabilise) -> bool {
+        (self.inverse_depth - other.inverse_depth).abs() <= s.depth_change * other.inverse_depth
     }
 }
 
@@ -161,6 +161,7 @@ fn step(
     reflected: bool,
     at: (f32, f32),
     front: &Front,
+    s: &Stabilise,
 ) -> Option<((f32, f32), Front)> {
     let (w, h) = (from.size.width, from.picture_height);
     let m = from.motion.get(forward, reflected)?.data()[front.pixel];
@@ -169,8 +170,8 @@ fn step(
     if !(at.0 >= 0.0 && at.1 >= 0.0 && at.0 <= (w - 1) as f32 && at.1 <= (h - 1) as f32) {
         return None;
     }
-    let there = self::front(to, at.0.round() as usize, to.row_here(at.1.round() as isize)?);
-    (there.same(front) && returns(to, forward, reflected, there.pixel, m)).then_some((at, there))
+    let there = self::front(to, at.0.round() as usize, to.row_here(at.1.round() as isize)?, s.nearer);
+    (there.same(front, s) && returns(to, forward, reflected, there.pixel, m, s)).then_some((at, there))
 }
 
 fn departs(features: &Features, forward: bool, pixel: usize) -> f32 {
@@ -180,22 +181,22 @@ fn departs(features: &Features, forward: bool, pixel: usize) -> f32 {
 }
 
 /// True where the motion at `pixel` leads back by `motion`, or is unknown.
-fn returns(features: &Features, forward: bool, reflected: bool, pixel: usize, motion: [f32; 2]) -> bool {
+fn returns(features: &Features, forward: bool, reflected: bool, pixel: usize, motion: [f32; 2], s: &Stabilise) -> bool {
     let back = features.motion.get(!forward, reflected);
     let Some(back) = back else { return true };
     let r = back.data()[pixel];
     let length = (motion[0] * motion[0] + motion[1] * motion[1]).sqrt();
     let miss = ((motion[0] + r[0]).powi(2) + (motion[1] + r[1]).powi(2)).sqrt();
-    miss <= ROUND_TRIP[0] + ROUND_TRIP[1] * length
+    miss <= s.round_trip + s.round_trip_share * length
 }
 
-fn front(features: &Features, x: usize, y: usize) -> Front {
+fn front(features: &Features, x: usize, y: usize, nearer: f32) -> Front {
     let (w, h) = (features.size.width, features.size.height);
     let mut best = Front { pixel: y * w + x, inverse_depth: features.surface[y * w + x].inverse_depth };
     for qy in y.saturating_sub(1)..(y + 2).min(h) {
         for qx in x.saturating_sub(1)..(x + 2).min(w) {
             let inverse_depth = features.surface[qy * w + qx].inverse_depth;
-            if inverse_depth > best.inverse_depth * NEARER {
+            if inverse_depth > best.inverse_depth * nearer {
                 best = Front { pixel: qy * w + qx, inverse_depth };
             }
         }

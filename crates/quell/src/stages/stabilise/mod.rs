@@ -22,17 +22,6 @@ use crate::plane::Plane;
 use crate::sequence::settings::Stabilise;
 use crate::window::Features;
 
-/// Most relative change of depth from frame to frame.
-pub(crate) const DEPTH_CHANGE: f32 = 0.1;
-/// How much more alike a mirror must look where the surface's motion stands in.
-pub(crate) const UNSURE: f32 = 0.125;
-/// Pixels by which the motion of what is seen at a pixel may differ from the surface's and still be the same.
-pub(crate) const NO_DEPARTURE: f32 = 1.0;
-/// Misses of the way there and back: in pixels, and as a part of its length.
-pub(crate) const ROUND_TRIP: [f32; 2] = [0.5, 0.1];
-/// How much nearer a neighbour must be to stand in front: more than the slope of one surface makes.
-pub(crate) const NEARER: f32 = 1.02;
-
 /// A frame as the stage reads it.
 #[derive(Clone, Copy, Debug)]
 pub struct StabiliseFrame<'a> {

@@ -1,6 +1,6 @@
 //! The specification of stage 4 of the sequence filter.
 
-use super::{DEPTH_CHANGE, NEARER, NO_DEPARTURE, ROUND_TRIP, StabiliseFrame, UNSURE, seen_difference};
+use super::{StabiliseFrame, seen_difference};
 use crate::frame::Rgb;
 use crate::kernels::guide_distance::weight;
 use crate::plane::Plane;
@@ -69,19 +69,19 @@ fn visits(
     let mut visits = Vec::new();
     for forward in [false, true].into_iter().filter(|forward| !forward || gather.future) {
         let mut at = [x as f32, origin_row];
-        let mut front = front(here, x, y);
+        let mut front = front(here, x, y, s.nearer);
         let mut decayed = 1.0;
         let mut frame = centre;
         for _ in 0..s.frames {
             let next = if forward { frame + 1 } else { frame.wrapping_sub(1) };
             let (Some(to), from) = (window.get(next), window[frame].features) else { break };
             let step = |reflected: bool| {
-                next_place(from, to.features, forward, reflected, at, front)
+                next_place(from, to.features, forward, reflected, at, front, s)
                     .filter(|(at, _)| (at[1] - origin_row).abs() <= farthest)
             };
             let (mut found, mut tolerance) = (step(mirror), s.seen_albedo);
-            if found.is_none() && mirror && departure(from, forward, front) <= NO_DEPARTURE {
-                (found, tolerance) = (step(false), tolerance * UNSURE);
+            if found.is_none() && mirror && departure(from, forward, front) <= s.departure {
+                (found, tolerance) = (step(false), s.surface_seen_albedo);
             }
             let Some((place, pixel)) = found else { break };
             (at, front, frame) = (place, pixel, next);
@@ -96,13 +96,13 @@ fn visits(
 }
 
 /// The pixel of a 3x3 neighbourhood whose surface is nearest to the eye; the centre, if the others are hardly nearer.
-fn front(f: &Features, x: usize, y: usize) -> usize {
+fn front(f: &Features, x: usize, y: usize, nearer: f32) -> usize {
     let (w, h) = (f.size.width, f.size.height);
     let mut best = y * w + x;
     for qy in y.saturating_sub(1)..(y + 2).min(h) {
         for qx in x.saturating_sub(1)..(x + 2).min(w) {
             let q = qy * w + qx;
-            if f.surface[q].inverse_depth > NEARER * f.surface[best].inverse_depth {
+            if f.surface[q].inverse_depth > nearer * f.surface[best].inverse_depth {
                 best = q;
             }
         }
@@ -119,6 +119,7 @@ fn next_place(
     reflected: bool,
     at: [f32; 2],
     pixel: usize,
+    s: &Stabilise,
 ) -> Option<([f32; 2], usize)> {
     let m = from.motion.get(forward, reflected)?.data()[pixel];
     let at = [at[0] + m[0], at[1] + m[1]];
@@ -127,15 +128,15 @@ fn next_place(
     if !(inside(0) && inside(1)) {
         return None; // NaN is not inside
     }
-    let there = front(to, at[0].round() as usize, to.row_here(at[1].round() as isize)?);
+    let there = front(to, at[0].round() as usize, to.row_here(at[1].round() as isize)?, s.nearer);
     let (before, after) = (from.surface[pixel].inverse_depth, to.surface[there].inverse_depth);
-    if (after - before).abs() > DEPTH_CHANGE * before {
+    if (after - before).abs() > s.depth_change * before {
         return None;
     }
     if let Some(back) = to.motion.get(!forward, reflected) {
         let back = back.data()[there];
         let miss = (m[0] + back[0]).hypot(m[1] + back[1]);
-        let allowed = ROUND_TRIP[0] + ROUND_TRIP[1] * m[0].hypot(m[1]);
+        let allowed = s.round_trip + s.round_trip_share * m[0].hypot(m[1]);
         if miss.is_nan() || miss > allowed {
             return None;
         }

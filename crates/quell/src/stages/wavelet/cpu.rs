@@ -1,6 +1,6 @@
 //! The a-trous levels, whole rows on vectors; lights share the guide distances of a level.
 
-use super::{LEAST_CONTRAST, LEAST_VARIANCE, SPLINE, TENT, tolerance};
+use super::{LEAST_VARIANCE, SPLINE, TENT, tolerance};
 use crate::kernels::guide_distance::{Class, weight};
 use crate::kernels::guide_distance_cpu::{Offset, guide_distances};
 use crate::kernels::math::luminance;
@@ -126,7 +126,7 @@ impl Level<'_> {
                         for i in 0..n {
                             let d = mp[i] - mq[i];
                             let v = vp[i] + vq[i];
-                            let contrast = LEAST_CONTRAST * mp[i];
+                            let contrast = s.least_contrast * mp[i];
                             let stop = (d * d - v).max(0.0) / (squared[i] * v + contrast * contrast + LEAST_VARIANCE);
                             weights[i] = share * weight(distance[i] + stop);
                         }

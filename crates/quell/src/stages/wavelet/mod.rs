@@ -24,8 +24,6 @@ use crate::sequence::settings::Wavelet;
 pub(crate) const SPLINE: [f32; 3] = [0.375, 0.25, 0.0625];
 /// Kernel of the compared means, from the centre outwards; they are normalised.
 pub(crate) const TENT: [f32; 2] = [2.0, 1.0];
-/// Luminances of one pixel that differ by less than this share do not differ.
-pub(crate) const LEAST_CONTRAST: f32 = 1e-3;
 /// Keeps the stop's quotient finite where nothing varies.
 pub(crate) const LEAST_VARIANCE: f32 = 1e-12;
 

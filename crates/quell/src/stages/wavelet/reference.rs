@@ -1,6 +1,6 @@
 //! The specification of stage 3 of the sequence filter.
 
-use super::{LEAST_CONTRAST, LEAST_VARIANCE, SPLINE, TENT, levels, tolerance};
+use super::{LEAST_VARIANCE, SPLINE, TENT, levels, tolerance};
 use crate::kernels::guide_distance::{Class, guide_distance, weight};
 use crate::kernels::math::luminance;
 use crate::sequence::settings::Wavelet;
@@ -46,7 +46,7 @@ fn a_level(
                 }
                 let q = (qx as usize, qy as usize);
                 let share = f64::from(SPLINE[dx.unsigned_abs()] * SPLINE[dy.unsigned_abs()]);
-                let stop = luminance_stop(mean[y * w + x], mean[q.1 * w + q.0], deviations);
+                let stop = luminance_stop(mean[y * w + x], mean[q.1 * w + q.0], deviations, s);
                 let distance = f64::from(guide_distance(local, class, (x, y), q, s)) + stop;
                 let tap = if (dx, dy) == (0, 0) { share } else { share * f64::from(weight(distance as f32)) };
                 for (k, sum) in sums.iter_mut().enumerate() {
@@ -93,9 +93,9 @@ fn mean_around(
 }
 
 /// The difference of two means, squared, beyond the variance of both, in squared deviations.
-fn luminance_stop([mean_p, variance_p]: [f64; 2], [mean_q, variance_q]: [f64; 2], deviations: f64) -> f64 {
+fn luminance_stop([mean_p, variance_p]: [f64; 2], [mean_q, variance_q]: [f64; 2], deviations: f64, s: &Wavelet) -> f64 {
     let v = variance_p + variance_q;
-    let contrast = f64::from(LEAST_CONTRAST) * mean_p;
+    let contrast = f64::from(s.least_contrast) * mean_p;
     let beyond = ((mean_p - mean_q).powi(2) - v).max(0.0);
     beyond / (deviations * deviations * v + contrast * contrast + f64::from(LEAST_VARIANCE))
 }

@@ -360,10 +360,11 @@ fn bands_of_rows_give_the_bits_of_the_whole() {
     let size = Size::new(20, 70);
     let frames: Vec<SequenceFrame> = (0..4).map(|t| scene(size, t)).collect();
     let whole = run(&settings, frames.clone(), Some(&host));
-    let mut prepared: Vec<PreparedFrame> = frames.into_iter().map(|f| PreparedFrame::new(f).unwrap()).collect();
+    let mut prepared: Vec<PreparedFrame> =
+        frames.into_iter().map(|f| PreparedFrame::new(f, &settings).unwrap()).collect();
     for i in 1..prepared.len() {
         let (a, b) = prepared.split_at_mut(i);
-        a[i - 1].followed_by(&mut b[0], quell::Backend::Cpu);
+        a[i - 1].followed_by(&mut b[0], &settings, quell::Backend::Cpu);
     }
     let moved = prepared.iter().flat_map(PreparedFrame::rows_moved).fold(0.0, f32::max);
     let margin = SequenceDenoiser::new(settings.clone()).unwrap().margin(moved, size.height);
