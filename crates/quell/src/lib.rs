@@ -52,6 +52,8 @@ pub mod kernels;
 mod memory;
 mod par;
 pub mod parameter;
+#[cfg(feature = "cpu")]
+mod phased;
 pub mod pipeline;
 pub mod plane;
 pub mod reference;

@@ -1,8 +1,8 @@
 //! Colour images in use and at rest. A steady frame finds every buffer that it needs at rest.
 
-use super::guides::show;
-use super::layout::{Colours, Phases};
 use crate::frame::Rgb;
+use crate::phased::guides::show;
+use crate::phased::layout::{Colours, Phases};
 use crate::pipeline::Image;
 use crate::plane::Plane;
 use fearless_simd::Level;

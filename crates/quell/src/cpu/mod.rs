@@ -1,14 +1,11 @@
 //! The fast back end: the stages' `cpu.rs` under the schedules of `passes/`, on all threads, vectorised for the
 //! machine at hand. The same bits come out at any number of threads and on every instruction set.
 //!
-//! Images live in phase order (`layout.rs`), signals with their passes in one buffer; a buffer rests as soon as no
+//! Images live in phase order ([`crate::phased`]), signals with their passes in one buffer; a buffer rests as soon as no
 //! later step reads its image, and is used again (`buffers.rs`). History is swapped, not copied.
 
 mod buffers;
-pub(crate) mod guides;
-pub(crate) mod layout;
 mod passes;
-mod rows;
 pub(crate) mod sequence;
 pub(crate) mod traffic;
 
@@ -18,6 +15,8 @@ use crate::frame::{Frame, Rgb, Signal};
 use crate::history::Validity;
 use crate::kernels::edge_cpu::Gains;
 use crate::kernels::spiral::{Spiral, SpiralShape};
+use crate::phased::guides::{CpuGuides, copy_colours, read_colours};
+use crate::phased::layout::{Colours, Phases};
 use crate::pipeline::{Image, Plan, Stage, Step};
 use crate::plane::{Plane, Size};
 use crate::report::StageTimes;
@@ -25,8 +24,6 @@ use crate::settings::Settings;
 use crate::stages::glossy_bilateral::Axis;
 use buffers::Buffers;
 use fearless_simd::Level;
-use guides::{CpuGuides, copy_colours, read_colours};
-use layout::{Colours, Phases};
 use passes::{composite, direct_taa, disocclusion, firefly, glossy_bilateral, sparse_bilateral, temporal};
 
 /// Confidence and history length of a signal.

@@ -3,8 +3,8 @@
 
 use super::math::{three, ycocg_from_rgb};
 use super::reproject_cpu::{LANES, Lanes3};
-use crate::cpu::layout::{Colours, Phases, channel, copy};
 use crate::kernels::spiral::PERIOD;
+use crate::phased::layout::{Colours, Phases, channel, copy};
 
 /// Lanes with one more on either side (windows reach at most [`PERIOD`] columns), filled up to whole vectors.
 const PADDED: usize = LANES + 16;

@@ -4,8 +4,8 @@ use super::math::three;
 use super::mirror_image::{FARTHEST_BENT_PX, LEAST_BENT_DETERMINANT, SAME_NORMAL, SAME_PLANE_PX};
 use super::reproject_cpu::{Expected, Footprint, LANES, Lanes, Lookup, dot, lane, pixel};
 use crate::camera::Projection;
-use crate::cpu::guides::{CpuGuides, field};
-use crate::cpu::layout::copy;
+use crate::phased::guides::{CpuGuides, field};
+use crate::phased::layout::copy;
 use crate::settings::{HitFilter, REFERENCE_ROWS, Settings};
 
 /// The reflectors as the four pixels at their old places show them, where `alive`: `visible` is the lookup of

@@ -1,6 +1,7 @@
 //! What several stages share: the cross-bilateral weight, tap patterns, reprojection, the colour clamp, a little
 //! mathematics.
 
+pub(crate) mod bilinear;
 pub mod clip;
 #[cfg(feature = "cpu")]
 pub(crate) mod clip_cpu;

@@ -1,6 +1,7 @@
 //! Where a surface was in the previous frame, and which of the four pixels there still show it. Its mirror image:
 //! `mirror_image.rs`.
 
+use super::bilinear::footprint;
 use super::math::smoothstep;
 use crate::border::Guides;
 use crate::settings::{Rejection, Surface as SurfaceSettings};
@@ -110,19 +111,8 @@ struct BilinearTap {
 }
 
 fn taps(now: &Guides, coordinate: Vec2) -> [Option<BilinearTap>; 4] {
-    let corner = coordinate - 0.5;
-    let base = corner.floor();
-    let t = corner - base;
-    let mut out = [None; 4];
-    for (k, tap) in out.iter_mut().enumerate() {
-        let (i, j) = (k & 1, k >> 1);
-        let (x, y) = (base.x as isize + i as isize, base.y as isize + j as isize);
-        if now.size.contains(x, y) {
-            let weight = (if i == 0 { 1.0 - t.x } else { t.x }) * (if j == 0 { 1.0 - t.y } else { t.y });
-            *tap = Some(BilinearTap { x: x as usize, y: y as usize, weight });
-        }
-    }
-    out
+    footprint(coordinate.x - 0.5, coordinate.y - 0.5)
+        .map(|(x, y, weight)| now.size.contains(x, y).then_some(BilinearTap { x: x as usize, y: y as usize, weight }))
 }
 
 pub(super) fn lookup(now: &Guides, coordinate: Vec2, trust_of: impl Fn(usize, usize) -> f32) -> Lookup {

@@ -3,9 +3,9 @@
 
 use super::math::three;
 use crate::camera::Projection;
-use crate::cpu::guides::{CpuGuides, Surfaces, field};
-use crate::cpu::layout::copy;
 use crate::kernels::spiral::PERIOD;
+use crate::phased::guides::{CpuGuides, Surfaces, field};
+use crate::phased::layout::copy;
 use crate::settings::{Rejection, Settings, Surface as SurfaceSettings};
 use glam::{Vec2, Vec3};
 

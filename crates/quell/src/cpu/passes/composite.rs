@@ -1,9 +1,9 @@
 //! The schedule of the composite: the only pass in the host's order; it cleans what it reads of the frame on the way.
 
 use crate::border::{PlaneName, Sanitised, Tally};
-use crate::cpu::guides::clean_row;
-use crate::cpu::rows;
 use crate::frame::{Frame, Rgb};
+use crate::phased::guides::clean_row;
+use crate::phased::rows;
 use crate::plane::{Plane, PlaneRef};
 use crate::stages::composite::cpu::add;
 use fearless_simd::{Level, dispatch};

@@ -1,11 +1,11 @@
 //! The schedule of stage 11: as that of the temporal stages.
 
-use crate::cpu::guides::{CpuGuides, field};
-use crate::cpu::layout::{Colours, Phases, copy};
-use crate::cpu::rows;
 use crate::kernels::clip_cpu::Columns;
 use crate::kernels::reproject_cpu::{LANES, Lanes, Lanes3, Segments};
 use crate::kernels::spiral::PERIOD;
+use crate::phased::guides::{CpuGuides, field};
+use crate::phased::layout::{Colours, Phases, copy};
+use crate::phased::rows;
 use crate::settings::{DirectTaa, REFERENCE_ROWS};
 use crate::stages::direct_taa::cpu::{resolve, trust};
 use crate::stages::matte_temporal::cpu::load;

@@ -1,8 +1,8 @@
 //! The schedule of stage 5: maximum and blur along rows and down columns, then the blend.
 
-use crate::cpu::layout::{Colours, Phases};
-use crate::cpu::rows;
 use crate::kernels::spiral::PERIOD;
+use crate::phased::layout::{Colours, Phases};
+use crate::phased::rows;
 use crate::plane::Plane;
 use crate::settings::Disocclusion;
 use crate::stages::disocclusion::cpu::{add, blend, blurred, keep_greater, widest};

@@ -1,10 +1,10 @@
 //! The schedule of stage 6: for each run of pixels its nine neighbours, then the median of each lane.
 
-use crate::cpu::guides::{CpuGuides, field};
-use crate::cpu::layout::{Colours, Phases, channel};
-use crate::cpu::rows;
 use crate::kernels::math::luminance;
 use crate::kernels::spiral::PERIOD;
+use crate::phased::guides::{CpuGuides, field};
+use crate::phased::layout::{Colours, Phases, channel};
+use crate::phased::rows;
 use crate::settings::{Firefly, Median};
 use crate::stages::firefly::cpu::{MIDDLE, NEIGHBOURS, is_replaced, median, rank};
 use fearless_simd::{Level, dispatch};

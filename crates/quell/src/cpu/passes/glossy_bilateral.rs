@@ -1,12 +1,12 @@
 //! The schedule of stages 9 and 10: as that of stages 4 and 7, with taps along one axis.
 
 use super::sparse_bilateral::{Pieces, RunOf, guide_run, lanes_of, of_fields};
-use crate::cpu::guides::{CpuGuides, field};
-use crate::cpu::layout::{Colours, Phases, channel};
-use crate::cpu::rows;
 use crate::kernels::edge_cpu::{Centres, Gains, RUN, Run, Tap, run_length, weights};
 use crate::kernels::math::three;
 use crate::kernels::spiral::PERIOD;
+use crate::phased::guides::{CpuGuides, field};
+use crate::phased::layout::{Colours, Phases, channel};
+use crate::phased::rows;
 use crate::settings::{GlossyBilateral, OffScreen, Settings};
 use crate::stages::glossy_bilateral::Axis;
 use crate::stages::glossy_bilateral::KernelSize;

@@ -1,11 +1,11 @@
 //! The schedule of stages 4 and 7: tile by tile, row by row, phase by phase; every tap of a run is a run of memory.
 
-use crate::cpu::guides::CpuGuides;
-use crate::cpu::layout::{Colours, Phases, Span, channel};
-use crate::cpu::rows;
 use crate::kernels::edge_cpu::{Centres, Gains, GuideRun, RUN, Run, Tap, run_length, weights};
 use crate::kernels::math::three;
 use crate::kernels::spiral::{PERIOD, Spiral, SpiralShape, land};
+use crate::phased::guides::CpuGuides;
+use crate::phased::layout::{Colours, Phases, Span, channel};
+use crate::phased::rows;
 use crate::settings::OffScreen;
 use crate::stages::matte_prefilter::cpu::{MOST_TAPS, Weights, admit, finish, gather, invert};
 use fearless_simd::{Level, dispatch};

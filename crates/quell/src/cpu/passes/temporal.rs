@@ -3,14 +3,14 @@
 //!
 //! Both stages ask where the surface was. Stage 3 tells stage 8 what came of it.
 
-use crate::cpu::guides::{CpuGuides, field};
-use crate::cpu::layout::{Colours, Phases, copy, interleave};
-use crate::cpu::rows;
 use crate::frame::Signal;
 use crate::kernels::clip_cpu::{Columns, Moments};
 use crate::kernels::reproject_cpu::{Expected, Footprint, LANES, Lookup};
 use crate::kernels::spiral::PERIOD;
 use crate::kernels::temporal::Blend;
+use crate::phased::guides::{CpuGuides, field};
+use crate::phased::layout::{Colours, Phases, copy, interleave};
+use crate::phased::rows;
 use crate::plane::Plane;
 use crate::settings::{Clip, Settings};
 use crate::stages::glossy_temporal::cpu::{reflect, visible};

@@ -1,6 +1,7 @@
 //! The specification of stage 1 of the sequence filter.
 
 use super::{Gathered, LEAST_COUNT, Place, decay, lit, seen_distance};
+use crate::kernels::bilinear::footprint;
 use crate::kernels::guide_distance::{Class, weight};
 use crate::kernels::math::luminance;
 use crate::sequence::settings::Gather;
@@ -121,11 +122,7 @@ fn follow(
         let size = pixel_size(&tracked, there.features.pixel_angle);
         // The bilinear footprint's pixels that show the surface.
         let mut same: Vec<(f32, usize)> = Vec::new();
-        for (i, j) in [(0, 0), (1, 0), (0, 1), (1, 1)] {
-            let (left, top) = (at[0].floor(), at[1].floor());
-            let part = |t: f32, far: i32| if far == 1 { t } else { 1.0 - t };
-            let share = part(at[0] - left, i) * part(at[1] - top, j);
-            let (x, y) = (left as isize + i as isize, top as isize + j as isize);
+        for (x, y, share) in footprint(at[0], at[1]) {
             let row = there.features.row_here(y);
             let (Some(row), true) = (row, share >= s.least_share && x >= 0 && x < w as isize) else { continue };
             let q = row * w + x as usize;

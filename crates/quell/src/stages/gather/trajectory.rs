@@ -1,5 +1,6 @@
 //! Where a pixel's surface lies in the other frames of the window, and which of their pixels show it.
 
+use crate::kernels::bilinear::footprint;
 use crate::sequence::settings::Gather;
 use crate::window::{PreparedFrame, SurfacePoint};
 
@@ -69,15 +70,10 @@ fn follow(
             && (at.0 - origin.0).abs() < gather.same_noise
             && (at.1 - origin.1).abs() < gather.same_noise;
         let back = member.features.motion.get(!forward, reflected);
-        let (left, top) = (at.0.floor(), at.1.floor());
-        let (tx, ty) = (at.0 - left, at.1 - top);
         let pixel_size =
             if tracked.inverse_depth > 0.0 { member.features.pixel_angle / tracked.inverse_depth } else { 0.0 };
         let mut best = (0.0f32, 0usize);
-        for (dx, dy, share) in
-            [(0, 0, (1.0 - tx) * (1.0 - ty)), (1, 0, tx * (1.0 - ty)), (0, 1, (1.0 - tx) * ty), (1, 1, tx * ty)]
-        {
-            let (qx, qy) = (left as isize + dx, top as isize + dy);
+        for (qx, qy, share) in footprint(at.0, at.1) {
             if share < gather.least_share || qx < 0 || qx >= w as isize {
                 continue;
             }

@@ -1,8 +1,8 @@
 //! Stage 8 on runs of pixels: where the mirror image was, among what still shows the same reflector.
 
-use crate::cpu::guides::CpuGuides;
 use crate::kernels::mirror_image_cpu::{bent_coordinates, filtered_hits, previous_reflectors, virtual_coordinates};
 use crate::kernels::reproject_cpu::{Expected, Footprint, LANES, Lanes, Lookup};
+use crate::phased::guides::CpuGuides;
 use crate::settings::Settings;
 
 /// Trust in the lookup at the surface's place, negative where the reflector moved or is curved; `expected` becomes the

@@ -1,9 +1,9 @@
 //! Stages 3 and 8 once they know where history lies, on runs of pixels: fetch, clamp, blend.
 
-use crate::cpu::layout::{Colours, channel, copy};
 use crate::kernels::clip::{ColourBox, follow_itself};
 use crate::kernels::reproject_cpu::{Footprint, LANES, Lanes, Lanes3, Lookup};
 use crate::kernels::temporal::{Blend, blend, clamp_history};
+use crate::phased::layout::{Colours, channel, copy};
 
 /// How much history counts in each lane, and what is remembered of it.
 #[derive(Debug)]
