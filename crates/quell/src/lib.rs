@@ -56,6 +56,7 @@ pub mod parameter;
 mod phased;
 pub mod pipeline;
 pub mod plane;
+pub mod reach;
 pub mod reference;
 pub mod report;
 pub mod sequence;

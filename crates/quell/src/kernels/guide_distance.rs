@@ -12,37 +12,8 @@
 //! bits on every machine, and nothing beyond a distance of 16.
 
 use crate::kernels::math::three;
-use crate::sequence::LightKind;
 use crate::sequence::settings::Wavelet;
-use crate::stages::feature_noise::LocalFeatures;
-
-/// Which feature buffers a light's filter reads.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Class {
-    /// Depth and normal.
-    Surface,
-    /// These, and what is seen in mirrors and through glass.
-    Seen,
-    /// These, and the surface's colour: the light could not be divided by it.
-    Coloured,
-    /// None: media have no surface.
-    Free,
-}
-
-impl Class {
-    #[cfg(feature = "cpu")]
-    pub(crate) const ALL: [Self; 4] = [Self::Surface, Self::Seen, Self::Coloured, Self::Free];
-
-    /// The class of a kind of light.
-    pub fn of(kind: LightKind) -> Self {
-        match kind {
-            LightKind::GlossyDirect | LightKind::GlossyIndirect | LightKind::Transmission => Self::Seen,
-            LightKind::Beauty => Self::Coloured,
-            LightKind::Volume => Self::Free,
-            LightKind::MatteDirect | LightKind::MatteIndirect | LightKind::Steady => Self::Surface,
-        }
-    }
-}
+use crate::window::{Class, LocalFeatures};
 
 /// The distance at which a weight reaches 0; a power of two, so that the weight is a few squarings.
 pub(crate) const FARTHEST: f32 = 16.0;

@@ -2,7 +2,7 @@
 
 use super::guide_distance::{APART, LEAST_TOLERANCE};
 use crate::sequence::settings::Wavelet;
-use crate::stages::feature_noise::LocalFeatures;
+use crate::window::LocalFeatures;
 
 /// One tap of a kernel, seen from the rows of its centres.
 #[derive(Clone, Copy, Debug)]

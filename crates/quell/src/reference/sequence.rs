@@ -4,12 +4,12 @@ use crate::frame::Rgb;
 use crate::plane::Plane;
 use crate::sequence::SequenceStages;
 use crate::sequence::settings::{Gather, Reflections, Stabilise, Variance, Wavelet};
-use crate::stages::feature_noise::{self, LocalFeatures};
+use crate::stages::feature_noise;
 use crate::stages::gather::{self, Gathered};
 use crate::stages::reflection_motion::{self, ReflectionMotion};
 use crate::stages::stabilise::{self, StabiliseFrame};
 use crate::stages::{recombine, variance, wavelet};
-use crate::window::{Features, LightSlot, PreparedFrame, Rows};
+use crate::window::{Features, LightSlot, LocalFeatures, PreparedFrame, Rows};
 
 /// Every stage's `reference.rs`.
 pub(crate) struct Reference;

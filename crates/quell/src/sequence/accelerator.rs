@@ -7,12 +7,10 @@ use super::estimate::EstimateJob;
 use super::settings::Wavelet;
 use crate::error::Error;
 use crate::frame::Rgb;
-use crate::kernels::guide_distance::Class;
 use crate::par;
 use crate::plane::Size;
-use crate::stages::feature_noise::LocalFeatures;
 use crate::stages::wavelet::{levels, reach_of, tolerance};
-use crate::window::{Features, LightSlot, PreparedFrame, Rows};
+use crate::window::{Class, Features, LightSlot, LocalFeatures, PreparedFrame, Rows};
 use std::ops::Range;
 
 /// Runs stages of the filter in the place of this processor. Shared by all filters of a job.

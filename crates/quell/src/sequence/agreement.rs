@@ -9,9 +9,8 @@ use super::{Filtered, LightKind, SequenceDenoiser, SequenceFrame, SequenceSettin
 use crate::denoiser::Backend;
 use crate::frame::Rgb;
 use crate::plane::{Plane, Size};
-use crate::stages::feature_noise::LocalFeatures;
 use crate::stages::stabilise::StabiliseFrame;
-use crate::window::{PreparedFrame, Rows};
+use crate::window::{LocalFeatures, PreparedFrame, Rows};
 
 const SIZE: Size = Size::new(53, 31);
 

@@ -9,11 +9,10 @@ use super::frame::LightKind;
 use super::run::stages_of;
 use super::settings::{Gather, SequenceSettings, Variance};
 use crate::denoiser::Backend;
-use crate::kernels::guide_distance::Class;
 use crate::par;
 use crate::plane::{Plane, Size};
 use crate::stages::gather::{self, Gathered, decay, lit};
-use crate::window::{Features, LightSlot, Packed, PreparedFrame, Rows, Samples};
+use crate::window::{Class, Features, LightSlot, Packed, PreparedFrame, Rows, Samples};
 
 /// A plane of a frame of the window.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]

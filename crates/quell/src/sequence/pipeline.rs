@@ -4,7 +4,7 @@
 //! Stages of a frame run in order once the frames that they read are there: [`SequenceDenoiser`](super::SequenceDenoiser) holds the window.
 
 use super::settings::SequenceSettings;
-use crate::pipeline::{Reach, listing};
+use crate::reach::{Reach, listing};
 use crate::stages::{feature_noise, gather, recombine, stabilise, variance, wavelet};
 
 /// One stage of the sequence filter; its folder in `stages/` has its name.

@@ -7,11 +7,10 @@ use crate::denoiser::Backend;
 use crate::error::Error;
 use crate::frame::Rgb;
 use crate::plane::{Plane, Size};
-use crate::stages::feature_noise::LocalFeatures;
 use crate::stages::gather::Gathered;
 use crate::stages::reflection_motion::ReflectionMotion;
 use crate::stages::stabilise::StabiliseFrame;
-use crate::window::{Features, LightSlot, PreparedFrame, Rows};
+use crate::window::{Features, LightSlot, LocalFeatures, PreparedFrame, Rows};
 
 /// The stages of the sequence filter on one back end; arguments and results as those of the stages' `reference.rs`.
 pub(crate) trait SequenceStages: Sync {

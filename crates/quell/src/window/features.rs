@@ -3,10 +3,10 @@
 //! Feature buffers of other renderers are means over the pixel's samples (or one sample of it) and may be absent. Planes
 //! in space are linear in 1/z over the image, so a slope of 1/z predicts a neighbour's depth without any camera.
 
+use super::local::Class;
 use super::mirrors::mirror_colour;
 use super::packed::Packed;
 use crate::frame::Rgb;
-use crate::kernels::guide_distance::Class;
 use crate::par;
 use crate::plane::{Plane, Size};
 use crate::sequence::{LightKind, SequenceFrame, SequenceSettings};

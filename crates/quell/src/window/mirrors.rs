@@ -1,8 +1,8 @@
 //! Which pixels are mirrors or clear glass, and the colour of what they show.
 
+use super::local::Class;
 use super::packed::Packed;
 use crate::frame::Rgb;
-use crate::kernels::guide_distance::Class;
 use crate::plane::Plane;
 use crate::sequence::settings::Mirrors;
 use crate::sequence::{Light, LightKind, SequenceFrame};

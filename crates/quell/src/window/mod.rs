@@ -2,6 +2,7 @@
 //!
 //! ```text
 //! features.rs    feature buffers of a frame, from either contract
+//! local.rs       slopes and noise beside them; which of them a light's filter reads
 //! mirrors.rs     which pixels are mirrors or clear glass, and the colour of what they show
 //! prepared.rs    a frame made ready: its feature buffers and its light
 //! packed.rs      colours in half precision
@@ -13,6 +14,7 @@
 //! it gives for the whole picture.
 
 pub(crate) mod features;
+pub(crate) mod local;
 mod mirrors;
 pub(crate) mod packed;
 pub(crate) mod prepared;
@@ -20,6 +22,7 @@ pub(crate) mod rows;
 pub(crate) mod spool;
 
 pub use features::{Features, MotionPlanes, SurfacePoint};
+pub use local::{Class, LocalFeatures};
 pub(crate) use packed::{Packed, Weight};
 pub(crate) use prepared::Samples;
 pub use prepared::{LightSlot, PreparedFrame};

@@ -1,10 +1,10 @@
 //! A frame made ready for the stages: a third of its size as it came.
 
 use super::features::{Features, MotionPlanes};
+use super::local::Class;
 use super::packed::{Packed, Weight};
 use crate::error::Error;
 use crate::frame::Rgb;
-use crate::kernels::guide_distance::Class;
 use crate::kernels::math::luminance;
 use crate::par;
 use crate::plane::Plane;

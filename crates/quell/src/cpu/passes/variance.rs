@@ -4,10 +4,9 @@ use crate::par;
 use crate::plane::Plane;
 use crate::sequence::settings::{Variance, Wavelet};
 use crate::simd::widest;
-use crate::stages::feature_noise::LocalFeatures;
 use crate::stages::gather::Gathered;
 use crate::stages::variance::cpu::row;
-use crate::window::Rows;
+use crate::window::{LocalFeatures, Rows};
 
 /// As [`crate::stages::variance::reference::run`].
 pub(crate) fn run(

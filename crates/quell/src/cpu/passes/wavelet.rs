@@ -3,10 +3,9 @@
 use crate::par;
 use crate::sequence::settings::Wavelet;
 use crate::simd::widest;
-use crate::stages::feature_noise::LocalFeatures;
 use crate::stages::wavelet::cpu::{Level, compared_row};
 use crate::stages::wavelet::levels;
-use crate::window::{LightSlot, Rows};
+use crate::window::{LightSlot, LocalFeatures, Rows};
 
 /// As [`crate::stages::wavelet::reference::run`].
 pub(crate) fn run(local: &LocalFeatures, slots: &[LightSlot], colours: Rows, variance: Rows, s: &Wavelet) -> Rows {

@@ -15,7 +15,7 @@ use crate::frame::Rgb;
 pub(crate) mod cpu;
 pub mod reference;
 
-use crate::pipeline::Reach;
+use crate::reach::Reach;
 
 /// One pixel: `terms` are (signal, weight), added in this order.
 #[inline(always)]

@@ -15,7 +15,7 @@
 pub(crate) mod cpu;
 pub mod reference;
 
-use crate::pipeline::Reach;
+use crate::reach::Reach;
 use crate::settings::Disocclusion;
 
 /// How far the stage looks.

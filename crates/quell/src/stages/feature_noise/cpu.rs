@@ -1,8 +1,8 @@
 //! Slopes and noise of feature buffers on all threads.
 
-use super::{APART, LocalFeatures};
+use super::APART;
 use crate::par;
-use crate::window::{Features, Packed, SurfacePoint};
+use crate::window::{Features, LocalFeatures, Packed, SurfacePoint};
 
 /// Runs the stage on the whole image.
 pub(crate) fn run(features: &Features) -> LocalFeatures {

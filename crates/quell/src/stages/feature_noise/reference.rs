@@ -1,7 +1,7 @@
 //! The specification of slopes and noise of feature buffers.
 
-use super::{APART, LocalFeatures};
-use crate::window::{Features, SurfacePoint};
+use super::APART;
+use crate::window::{Features, LocalFeatures, SurfacePoint};
 
 /// Runs the stage on the whole image.
 pub fn run(f: &Features) -> LocalFeatures {

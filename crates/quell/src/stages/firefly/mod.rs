@@ -17,7 +17,7 @@
 pub(crate) mod cpu;
 pub mod reference;
 
-use crate::pipeline::Reach;
+use crate::reach::Reach;
 
 /// How far the stage looks.
 pub fn reach() -> Reach {

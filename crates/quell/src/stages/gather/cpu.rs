@@ -4,11 +4,11 @@
 use super::trajectory::{Tap, taps};
 use super::{Gathered, LEAST_COUNT, Place, decay, lit, seen_distance};
 use crate::frame::Rgb;
-use crate::kernels::guide_distance::{Class, weight};
+use crate::kernels::guide_distance::weight;
 use crate::kernels::math::luminance;
 use crate::par;
 use crate::sequence::settings::Gather;
-use crate::window::{LightSlot, PreparedFrame, Rows, Samples};
+use crate::window::{Class, LightSlot, PreparedFrame, Rows, Samples};
 
 /// Means over the window for every light of `window[centre]`.
 pub(crate) fn run(window: &[&PreparedFrame], centre: usize, gather: &Gather) -> Gathered {

@@ -21,7 +21,7 @@ pub mod reference;
 pub(crate) mod trajectory;
 
 use crate::kernels::guide_distance::APART;
-use crate::pipeline::Reach;
+use crate::reach::Reach;
 use crate::sequence::LightKind;
 use crate::sequence::settings::Gather;
 use crate::window::{Features, LightSlot, PreparedFrame, Rows, Samples};

@@ -2,10 +2,10 @@
 
 use super::{Gathered, LEAST_COUNT, Place, decay, lit, seen_distance};
 use crate::kernels::bilinear::footprint;
-use crate::kernels::guide_distance::{Class, weight};
+use crate::kernels::guide_distance::weight;
 use crate::kernels::math::luminance;
 use crate::sequence::settings::Gather;
-use crate::window::{LightSlot, PreparedFrame, Rows, Samples, SurfacePoint};
+use crate::window::{Class, LightSlot, PreparedFrame, Rows, Samples, SurfacePoint};
 
 /// Means over the window for every light of `window[centre]`, on the whole image or band.
 pub fn run(window: &[&PreparedFrame], centre: usize, s: &Gather) -> Gathered {

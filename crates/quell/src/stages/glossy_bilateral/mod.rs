@@ -22,7 +22,7 @@ pub(crate) mod cpu;
 pub mod reference;
 
 use crate::border::Guides;
-use crate::pipeline::Reach;
+use crate::reach::Reach;
 use crate::settings::{GlossyBilateral, GlossyRadius, REFERENCE_ROWS};
 use glam::Vec3;
 

@@ -12,7 +12,7 @@
 pub mod reference;
 
 use crate::kernels::spiral::SpiralShape;
-use crate::pipeline::Reach;
+use crate::reach::Reach;
 use crate::settings::MatteBilateral;
 
 /// How far the stage looks in a picture of `rows` rows.

@@ -17,7 +17,7 @@ pub(crate) mod cpu;
 pub mod reference;
 
 use crate::kernels::spiral::SpiralShape;
-use crate::pipeline::Reach;
+use crate::reach::Reach;
 use crate::settings::MattePrefilter;
 
 /// How far the stage looks in a picture of `rows` rows.

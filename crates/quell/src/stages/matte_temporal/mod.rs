@@ -16,7 +16,7 @@
 pub(crate) mod cpu;
 pub mod reference;
 
-use crate::pipeline::Reach;
+use crate::reach::Reach;
 use crate::settings::MatteTemporal;
 
 /// How far the stage looks.

@@ -16,9 +16,8 @@ pub(crate) mod cpu;
 pub mod reference;
 
 use crate::frame::Rgb;
-use crate::kernels::guide_distance::Class;
-use crate::pipeline::Reach;
-use crate::window::{Features, LightSlot, Packed};
+use crate::reach::Reach;
+use crate::window::{Class, Features, LightSlot, Packed};
 
 /// A picture darker than this has no factor: 1.
 pub(crate) const LEAST_PICTURE: f32 = 1e-8;

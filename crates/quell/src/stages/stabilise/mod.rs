@@ -17,8 +17,8 @@ pub(crate) mod cpu;
 pub mod reference;
 
 use crate::frame::Rgb;
-use crate::pipeline::Reach;
 use crate::plane::Plane;
+use crate::reach::Reach;
 use crate::sequence::settings::Stabilise;
 use crate::window::Features;
 

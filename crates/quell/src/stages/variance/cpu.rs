@@ -1,12 +1,12 @@
 //! The variance of every light's mean, whole rows on vectors.
 
-use crate::kernels::guide_distance::{Class, weight};
+use crate::kernels::guide_distance::weight;
 use crate::kernels::guide_distance_cpu::{Offset, guide_distances};
 use crate::kernels::math::luminance;
 use crate::plane::Plane;
 use crate::sequence::settings::{Variance, Wavelet};
-use crate::stages::feature_noise::LocalFeatures;
 use crate::stages::gather::Gathered;
+use crate::window::{Class, LocalFeatures};
 
 /// One row of `out`, a channel a light. Arguments as those of [`super::reference::run`].
 #[inline(always)]

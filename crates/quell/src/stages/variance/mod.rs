@@ -2,7 +2,7 @@
 //!
 //! | | |
 //! |---|---|
-//! | reads | the means and moments of [`gather`](crate::stages::gather), [`LocalFeatures`](crate::stages::feature_noise::LocalFeatures), the variance that the renderer gave |
+//! | reads | the means and moments of [`gather`](crate::stages::gather), [`LocalFeatures`](crate::window::LocalFeatures), the variance that the renderer gave |
 //! | writes | of each light the variance of the luminance of its mean |
 //! | reach | `variance.radius` pixels |
 //! | equation | (t v_time + (1 - t) v_other) / n; v_time: spread of samples, weighted by guide distance and degrees of freedom; t = min(1, freedom / `trusted_samples`) |
@@ -16,7 +16,7 @@
 pub(crate) mod cpu;
 pub mod reference;
 
-use crate::pipeline::Reach;
+use crate::reach::Reach;
 use crate::sequence::settings::Variance;
 
 /// How far the stage looks.

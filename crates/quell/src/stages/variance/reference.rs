@@ -1,12 +1,11 @@
 //! The specification of stage 2 of the sequence filter.
 
-use crate::kernels::guide_distance::{Class, guide_distance, weight};
+use crate::kernels::guide_distance::{guide_distance, weight};
 use crate::kernels::math::luminance;
 use crate::plane::Plane;
 use crate::sequence::settings::{Variance, Wavelet};
-use crate::stages::feature_noise::LocalFeatures;
 use crate::stages::gather::Gathered;
-use crate::window::Rows;
+use crate::window::{Class, LocalFeatures, Rows};
 
 /// Runs the stage on the whole image: one channel a light of `gathered`, the variance of the luminance of its mean.
 ///

@@ -1,12 +1,11 @@
 //! The a-trous levels, whole rows on vectors; lights share the guide distances of a level.
 
 use super::{LEAST_VARIANCE, SPLINE, TENT, tolerance};
-use crate::kernels::guide_distance::{Class, weight};
+use crate::kernels::guide_distance::weight;
 use crate::kernels::guide_distance_cpu::{Offset, guide_distances};
 use crate::kernels::math::luminance;
 use crate::sequence::settings::Wavelet;
-use crate::stages::feature_noise::LocalFeatures;
-use crate::window::{Features, LightSlot, Rows};
+use crate::window::{Class, Features, LightSlot, LocalFeatures, Rows};
 
 /// One row of two channels a light: mean luminance over 3x3 of the same surface, and its variance.
 #[inline(always)]

@@ -2,7 +2,7 @@
 //!
 //! | | |
 //! |---|---|
-//! | reads | a light's colour planes, the variance of its luminance, [`LocalFeatures`](crate::stages::feature_noise::LocalFeatures) |
+//! | reads | a light's colour planes, the variance of its luminance, [`LocalFeatures`](crate::window::LocalFeatures) |
 //! | writes | the filtered planes |
 //! | reach | sum over levels i of 2 * 2^i + 1 pixels |
 //! | equation | out = sum h w c / sum h w; variance' = sum (h w)^2 v / (sum h w)^2; w = weight(guide distance + stop) |
@@ -16,7 +16,7 @@
 pub(crate) mod cpu;
 pub mod reference;
 
-use crate::pipeline::Reach;
+use crate::reach::Reach;
 use crate::sequence::LightKind;
 use crate::sequence::settings::Wavelet;
 

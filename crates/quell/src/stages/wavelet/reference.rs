@@ -1,11 +1,10 @@
 //! The specification of stage 3 of the sequence filter.
 
 use super::{LEAST_VARIANCE, SPLINE, TENT, levels, tolerance};
-use crate::kernels::guide_distance::{Class, guide_distance, weight};
+use crate::kernels::guide_distance::{guide_distance, weight};
 use crate::kernels::math::luminance;
 use crate::sequence::settings::Wavelet;
-use crate::stages::feature_noise::LocalFeatures;
-use crate::window::{Features, LightSlot, Rows};
+use crate::window::{Class, Features, LightSlot, LocalFeatures, Rows};
 
 /// Filters every light on the whole image. `colours`: three channels a plane, as `slots` place them; `variance`: one
 /// channel a light, of its luminance.
