@@ -1,7 +1,6 @@
 //! What a command runs on: settings, back end, where messages go, what is reported.
 
 use crate::args::Common;
-use crate::args::values::BackendChoice;
 use crate::backend::Choice;
 use crate::failure::Failure;
 use crate::output;
@@ -59,17 +58,18 @@ impl Context {
         })
     }
 
-    /// For the filter of sequences, which has parameters of its own: what a command without them runs on, and those.
+    /// Whether the options ask for the preset of the sequence filter.
+    pub fn asks_for_sequences(common: &Common) -> Result<bool, Failure> {
+        let file = common.settings.as_deref().map(SettingsFile::read).transpose()?.unwrap_or_default();
+        Ok(common.preset.as_deref().or(file.preset.as_deref()) == Some(SEQUENCE_PRESET))
+    }
+
+    /// For the sequence filter, which has parameters of its own: what a command without them runs on, and those.
     pub fn for_sequences(common: &Common) -> Result<(Self, SequenceSettings), Failure> {
         let file = common.settings.as_deref().map(SettingsFile::read).transpose()?.unwrap_or_default();
         if let Some(other) = common.preset.as_deref().or(file.preset.as_deref()).filter(|name| *name != SEQUENCE_PRESET)
         {
             return Err(Failure::Usage(format!("no preset `{other}` for sequences; there is: {SEQUENCE_PRESET}")));
-        }
-        if common.backend == Some(BackendChoice::Reference) {
-            return Err(Failure::Usage(
-                "the filter of sequences has no back end `reference`; cpu and gpu it has".to_owned(),
-            ));
         }
         let mut settings = SequenceSettings::default();
         for (name, value) in &file.values {

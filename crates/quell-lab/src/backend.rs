@@ -82,6 +82,15 @@ impl Backend {
         }
     }
 
+    /// The implementation that runs on this processor, where a stage does: the fast one beside a GPU.
+    pub fn on_this_processor(&self) -> quell::Backend {
+        match self {
+            Self::Cpu(backend) => *backend,
+            #[cfg(feature = "gpu")]
+            Self::Gpu(_) => quell::Backend::Cpu,
+        }
+    }
+
     /// What runs stages of the filter of sequences in the place of this processor; `None`: it runs all of them itself.
     ///
     /// # Errors

@@ -52,6 +52,7 @@ pub mod kernels;
 mod memory;
 mod par;
 pub mod parameter;
+mod parameter_page;
 #[cfg(feature = "cpu")]
 mod phased;
 pub mod pipeline;
@@ -71,6 +72,7 @@ pub use denoiser::{Backend, Denoiser, Output, OutputBuf};
 pub use error::Error;
 pub use frame::{Frame, FrameBuf, Pass, PassBuf, Rgb, Signal};
 pub use kernels::math::luminance;
+pub use parameter_page::parameters_markdown;
 pub use plane::{Plane, PlaneRef, Size};
 pub use report::Report;
 pub use settings::{Preset, Settings};

@@ -245,129 +245,115 @@ pub struct Plan {
     pub direct_output: Image,
 }
 
+/// Steps in the making.
+struct Steps(Vec<Step>);
+
+impl Steps {
+    /// Adds a step; gives its output.
+    fn add(&mut self, stage: Stage, input: Image, output: Image, also_reads: &[Image], also_writes: &[Image]) -> Image {
+        let (also_reads, also_writes) = (also_reads.to_vec(), also_writes.to_vec());
+        self.0.push(Step { stage, input, output, also_reads, also_writes });
+        output
+    }
+}
+
+/// Stages 3 to 7; the image that is shown, and the one that is the next frame's history.
+fn matte_steps(steps: &mut Steps, settings: &Settings) -> (Image, Option<Image>) {
+    let temporal = settings.matte_temporal.enabled;
+    let accumulated = if temporal {
+        steps.add(
+            Stage::MatteTemporal,
+            Image::MatteInput,
+            Image::MatteTemporal,
+            &[Image::MatteHistory, Image::Guides, Image::PreviousGuides],
+            &[Image::MatteConfidence],
+        )
+    } else {
+        Image::MatteInput
+    };
+    // Work that nobody reads is left out.
+    let prefilter_is_read =
+        !temporal || settings.disocclusion.enabled || settings.pipeline.feedback == Feedback::Prefilter;
+    let prefiltered = if settings.matte_prefilter.enabled && prefilter_is_read {
+        steps.add(Stage::MattePrefilter, accumulated, Image::MattePrefiltered, &[Image::Guides], &[])
+    } else {
+        accumulated
+    };
+    let wants_floor = settings.pipeline.feedback == Feedback::Blend;
+    // Without history everything is fresh: the blend would be the prefiltered image.
+    let (blended, floored) = if !temporal {
+        (prefiltered, prefiltered)
+    } else if settings.disocclusion.enabled && prefiltered != accumulated {
+        let floor: &[Image] = if wants_floor { &[Image::MatteFloored] } else { &[] };
+        let blended = steps.add(
+            Stage::Disocclusion,
+            accumulated,
+            Image::MatteBlended,
+            &[prefiltered, Image::MatteConfidence],
+            floor,
+        );
+        (blended, Image::MatteFloored)
+    } else {
+        (accumulated, accumulated)
+    };
+    let median_input = match settings.firefly.input {
+        FireflyInput::Disocclusion => blended,
+        FireflyInput::Temporal => accumulated,
+    };
+    let median = if settings.firefly.enabled {
+        steps.add(Stage::Firefly, median_input, Image::MatteMedian, &[Image::Guides], &[])
+    } else {
+        blended
+    };
+    let filtered = if settings.matte_bilateral.enabled {
+        steps.add(Stage::MatteBilateral, median, Image::MatteFiltered, &[Image::Guides], &[])
+    } else {
+        median
+    };
+    let feedback = match settings.pipeline.feedback {
+        Feedback::Temporal => accumulated,
+        Feedback::Prefilter => prefiltered,
+        Feedback::Blend => floored,
+        Feedback::Firefly => median,
+        Feedback::Bilateral => filtered,
+    };
+    (filtered, temporal.then_some(feedback))
+}
+
+/// Stages 8 to 10; the image that is shown, and the one that is the next frame's history.
+fn glossy_steps(steps: &mut Steps, settings: &Settings) -> (Image, Option<Image>) {
+    let (mut output, mut feedback) = (Image::GlossyInput, None);
+    if settings.glossy_temporal.enabled {
+        let reads = [Image::GlossyHistory, Image::Guides, Image::PreviousGuides];
+        output = steps.add(Stage::GlossyTemporal, output, Image::GlossyTemporal, &reads, &[Image::GlossyConfidence]);
+        feedback = Some(output);
+    }
+    if settings.glossy_bilateral.enabled {
+        output = steps.add(Stage::GlossyHorizontal, output, Image::GlossyHorizontal, &[Image::Guides], &[]);
+        output = steps.add(Stage::GlossyVertical, output, Image::GlossyFiltered, &[Image::Guides], &[]);
+    }
+    (output, feedback)
+}
+
 impl Plan {
     /// Makes the plan. A stage that is off hands its input on.
     pub fn new(settings: &Settings, inputs: Inputs) -> Self {
-        let mut steps = Vec::new();
-        let mut matte_output = Image::MatteInput;
-        let mut matte_feedback = None;
-        if inputs.matte {
-            let temporal = settings.matte_temporal.enabled;
-            let mut step = |stage, input, output, also_reads: &[Image], also_writes: &[Image]| {
-                let (also_reads, also_writes) = (also_reads.to_vec(), also_writes.to_vec());
-                steps.push(Step { stage, input, output, also_reads, also_writes });
-                output
-            };
-            let accumulated = if temporal {
-                step(
-                    Stage::MatteTemporal,
-                    Image::MatteInput,
-                    Image::MatteTemporal,
-                    &[Image::MatteHistory, Image::Guides, Image::PreviousGuides],
-                    &[Image::MatteConfidence],
-                )
-            } else {
-                Image::MatteInput
-            };
-            // Work that nobody reads is left out.
-            let prefilter_is_read =
-                !temporal || settings.disocclusion.enabled || settings.pipeline.feedback == Feedback::Prefilter;
-            let prefiltered = if settings.matte_prefilter.enabled && prefilter_is_read {
-                step(Stage::MattePrefilter, accumulated, Image::MattePrefiltered, &[Image::Guides], &[])
-            } else {
-                accumulated
-            };
-            let wants_floor = settings.pipeline.feedback == Feedback::Blend;
-            // Without history everything is fresh: the blend would be the prefiltered image.
-            let (blended, floored) = if !temporal {
-                (prefiltered, prefiltered)
-            } else if settings.disocclusion.enabled && prefiltered != accumulated {
-                let floor: &[Image] = if wants_floor { &[Image::MatteFloored] } else { &[] };
-                let blended = step(
-                    Stage::Disocclusion,
-                    accumulated,
-                    Image::MatteBlended,
-                    &[prefiltered, Image::MatteConfidence],
-                    floor,
-                );
-                (blended, Image::MatteFloored)
-            } else {
-                (accumulated, accumulated)
-            };
-            let median_input = match settings.firefly.input {
-                FireflyInput::Disocclusion => blended,
-                FireflyInput::Temporal => accumulated,
-            };
-            let median = if settings.firefly.enabled {
-                step(Stage::Firefly, median_input, Image::MatteMedian, &[Image::Guides], &[])
-            } else {
-                blended
-            };
-            let filtered = if settings.matte_bilateral.enabled {
-                step(Stage::MatteBilateral, median, Image::MatteFiltered, &[Image::Guides], &[])
-            } else {
-                median
-            };
-            matte_output = filtered;
-            matte_feedback = temporal.then_some(match settings.pipeline.feedback {
-                Feedback::Temporal => accumulated,
-                Feedback::Prefilter => prefiltered,
-                Feedback::Blend => floored,
-                Feedback::Firefly => median,
-                Feedback::Bilateral => filtered,
-            });
-        }
-        let mut glossy_output = Image::GlossyInput;
-        let mut glossy_feedback = None;
-        if inputs.glossy {
-            if settings.glossy_temporal.enabled {
-                steps.push(Step {
-                    stage: Stage::GlossyTemporal,
-                    input: glossy_output,
-                    output: Image::GlossyTemporal,
-                    also_reads: vec![Image::GlossyHistory, Image::Guides, Image::PreviousGuides],
-                    also_writes: vec![Image::GlossyConfidence],
-                });
-                glossy_output = Image::GlossyTemporal;
-                glossy_feedback = Some(Image::GlossyTemporal);
-            }
-            if settings.glossy_bilateral.enabled {
-                for (stage, output) in
-                    [(Stage::GlossyHorizontal, Image::GlossyHorizontal), (Stage::GlossyVertical, Image::GlossyFiltered)]
-                {
-                    steps.push(Step {
-                        stage,
-                        input: glossy_output,
-                        output,
-                        also_reads: vec![Image::Guides],
-                        also_writes: vec![],
-                    });
-                    glossy_output = output;
-                }
-            }
-        }
-        let mut direct_output = Image::DirectInput;
-        if inputs.jitter && settings.direct_taa.enabled {
-            steps.push(Step {
-                stage: Stage::DirectTaa,
-                input: direct_output,
-                output: Image::DirectAntialiased,
-                also_reads: vec![Image::DirectHistory, Image::Guides],
-                also_writes: vec![],
-            });
-            direct_output = Image::DirectAntialiased;
-        }
+        let mut steps = Steps(Vec::new());
+        let (matte_output, matte_feedback) =
+            if inputs.matte { matte_steps(&mut steps, settings) } else { (Image::MatteInput, None) };
+        let (glossy_output, glossy_feedback) =
+            if inputs.glossy { glossy_steps(&mut steps, settings) } else { (Image::GlossyInput, None) };
+        let direct_output = if inputs.jitter && settings.direct_taa.enabled {
+            let reads = [Image::DirectHistory, Image::Guides];
+            steps.add(Stage::DirectTaa, Image::DirectInput, Image::DirectAntialiased, &reads, &[])
+        } else {
+            Image::DirectInput
+        };
         let mut also_reads = vec![Image::Weights];
         also_reads.extend(inputs.matte.then_some(matte_output));
         also_reads.extend(inputs.glossy.then_some(glossy_output));
-        steps.push(Step {
-            stage: Stage::Composite,
-            input: direct_output,
-            output: Image::Composite,
-            also_reads,
-            also_writes: vec![],
-        });
-        Self { steps, matte_output, matte_feedback, glossy_output, glossy_feedback, direct_output }
+        steps.add(Stage::Composite, direct_output, Image::Composite, &also_reads, &[]);
+        Self { steps: steps.0, matte_output, matte_feedback, glossy_output, glossy_feedback, direct_output }
     }
 
     /// True where a stage will run.

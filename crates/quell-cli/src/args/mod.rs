@@ -298,7 +298,7 @@ pub enum ReproducePart {
     Paths,
 }
 
-/// Print the pipeline as it will run, with every parameter; or what a scene holds
+/// Print the pipeline of a preset (paper, sequence) as it will run, with every parameter; or what a scene holds
 #[derive(Debug, Args)]
 #[command(before_help = "Example: quell explain --set firefly.enabled=off")]
 pub struct ExplainArgs {
@@ -312,6 +312,13 @@ pub struct ExplainArgs {
     /// The parameters as docs/parameters.md holds them
     #[arg(long, conflicts_with = "source")]
     pub markdown: bool,
+}
+
+impl ExplainArgs {
+    /// True where the pipeline is asked for: neither a scene nor the page of parameters.
+    pub fn is_of_the_pipeline(&self) -> bool {
+        self.source.is_none() && !self.markdown && self.environment.environment.is_none()
+    }
 }
 
 #[cfg(test)]

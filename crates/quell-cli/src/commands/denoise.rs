@@ -22,8 +22,10 @@ const DOCTOR: &str = "`quell doctor` with the same frames says more, and how to 
 
 pub fn run(context: &Context, settings: SequenceSettings, args: DenoiseArgs) -> Result<(), Failure> {
     let dry_run = args.dry_run;
-    let accelerator = context.backend()?.accelerator()?;
-    let job = Job::open(JobOptions { accelerator: accelerator.clone(), ..options(settings, args)? })?;
+    let chosen = context.backend()?;
+    let accelerator = chosen.accelerator()?;
+    let backend = chosen.on_this_processor();
+    let job = Job::open(JobOptions { backend, accelerator: accelerator.clone(), ..options(settings, args)? })?;
     // A dry run describes it anyway.
     if !dry_run {
         context.detail(job.mapping().trim_end());
@@ -97,6 +99,7 @@ fn options(mut settings: SequenceSettings, args: DenoiseArgs) -> Result<JobOptio
         settings,
         max_memory: args.max_memory.map(|bytes| bytes.0),
         bands: None,
+        backend: quell::Backend::default(),
         accelerator: None,
     })
 }

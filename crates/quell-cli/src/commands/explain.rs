@@ -1,14 +1,15 @@
-//! `quell explain`: the pipeline as it will run, every parameter; `quell explain SCENE`: what a scene holds.
+//! `quell explain`: a filter's pipeline as it will run, every parameter; `quell explain SCENE`: what a scene holds.
 
 use crate::args::ExplainArgs;
 use crate::commands::explain_scene;
-use crate::context::Context;
+use crate::context::{Context, SEQUENCE_PRESET};
 use crate::failure::Failure;
 use crate::output;
 use crate::sequence::times::paper_number;
 use quell::Settings;
 use quell::pipeline::{Image, Inputs, Plan, Stage};
-use quell::settings::{PARAMETERS, Parameter, REFERENCE_ROWS, parameters_markdown};
+use quell::sequence::{SEQUENCE_PARAMETERS, SequencePlan, SequenceSettings, SequenceStage};
+use quell::settings::{PARAMETERS, Parameter, REFERENCE_ROWS};
 use serde_json::{Map, Value, json};
 
 pub fn run(context: &Context, args: ExplainArgs) -> Result<(), Failure> {
@@ -17,75 +18,121 @@ pub fn run(context: &Context, args: ExplainArgs) -> Result<(), Failure> {
         None if args.environment.environment.is_some() => {
             Err(Failure::Usage("--environment is for scenes; name one".to_owned()))
         }
-        None if args.markdown => output::print(&parameters_markdown()),
+        None if args.markdown => output::print(&quell::parameters_markdown()),
         None => explain_pipeline(context),
     }
 }
 
+/// The real-time filter's pipeline.
 fn explain_pipeline(context: &Context) -> Result<(), Failure> {
     let plan = Plan::new(&context.settings, Inputs::ALL);
-    let listing = plan.listing(&context.settings, REFERENCE_ROWS as usize);
-    let mut text = format!(
-        "The pipeline of preset `{}`{}, for a frame that has both signals and jittered samples:\n\n{listing}\n",
-        context.preset.name(),
-        if context.settings == Settings::preset(context.preset) { "" } else { " with your changes" },
-    );
-    text.push_str("\nParameters (set with --set NAME=VALUE; * differs from the preset; radii are meant at 720 rows)\n");
-    let mut group = "";
-    for parameter in PARAMETERS {
-        if parameter.group != group {
-            group = parameter.group;
-            text.push('\n');
-        }
-        text.push_str(&described(parameter, context)?);
-    }
+    let changed = context.settings != Settings::preset(context.preset);
+    let mut text = heading(context.preset.name(), changed, "a frame that has both signals and jittered samples");
+    text.push_str(&format!("{}\n", plan.listing(&context.settings, REFERENCE_ROWS as usize)));
+    let preset = Settings::preset(context.preset);
+    let table =
+        Table { parameters: PARAMETERS, value: &|name| context.settings.get(name), preset: &|name| preset.get(name) };
+    table.add_to(&mut text, context.verbose)?;
     let names = |images: &[Image]| images.iter().map(|i| i.name()).collect::<Vec<_>>();
-    let stages: Vec<Value> = Stage::ALL
-        .into_iter()
-        .map(|stage| {
-            let step = plan.steps.iter().find(|s| s.stage == stage);
-            let reads = step.map(|s| [&[s.input], s.also_reads.as_slice()].concat()).unwrap_or_default();
-            let writes = step.map(|s| [&[s.output], s.also_writes.as_slice()].concat()).unwrap_or_default();
-            json!({
-                "name": stage.name(),
-                "paper_stage": paper_number(stage),
-                "runs": step.is_some(),
-                "reads": names(&reads),
-                "writes": names(&writes),
-            })
+    let stages = Stage::ALL.into_iter().map(|stage| {
+        let step = plan.steps.iter().find(|s| s.stage == stage);
+        let reads = step.map(|s| [&[s.input], s.also_reads.as_slice()].concat()).unwrap_or_default();
+        let writes = step.map(|s| [&[s.output], s.also_writes.as_slice()].concat()).unwrap_or_default();
+        json!({
+            "name": stage.name(),
+            "paper_stage": paper_number(stage),
+            "runs": step.is_some(),
+            "reads": names(&reads),
+            "writes": names(&writes),
         })
-        .collect();
-    let parameters = PARAMETERS.iter().map(|p| {
-        Ok(json!({
-            "name": p.name,
-            "value": context.settings.get(p.name)?,
-            "range": p.range(),
-            "unit": p.unit,
-            "meaning": p.doc,
-            "higher": p.higher,
-            "lower": p.lower,
-            "source": p.source,
-        }))
     });
-    let parameters: Vec<Value> = parameters.collect::<Result<_, quell::Error>>()?;
-    let mut further = Map::new();
-    further.insert("pipeline".to_owned(), stages.into());
-    further.insert("parameters".to_owned(), parameters.into());
-    context.finish(&context.report(), further, &text)
+    context.finish(&context.report(), further(stages.collect(), &table)?, &text)
 }
 
-/// Name, value, range and meaning; with `-v` also what moving it does, and its source.
-fn described(parameter: &Parameter, context: &Context) -> Result<String, Failure> {
-    let value = context.settings.get(parameter.name)?;
-    let preset = Settings::preset(context.preset).get(parameter.name)?;
-    let mark = if value == preset { ' ' } else { '*' };
-    let unit = if parameter.unit.is_empty() { String::new() } else { format!(" {}", parameter.unit) };
-    let left = format!("{mark} {} = {value}{unit}", parameter.name);
-    let mut text = format!("{left:<46} {} ({})\n", parameter.doc, parameter.range());
-    if context.verbose {
-        for line in [parameter.higher, parameter.lower, parameter.source] {
-            text.push_str(&format!("{:46} {line}\n", ""));
+/// The sequence filter's pipeline: `quell explain --preset sequence`.
+pub fn sequence(context: &Context, settings: &SequenceSettings) -> Result<(), Failure> {
+    let plan = SequencePlan::new(settings);
+    let preset = SequenceSettings::default();
+    let mut text = heading(SEQUENCE_PRESET, *settings != preset, "each frame of a window");
+    text.push_str(&format!("{plan}\n"));
+    let table =
+        Table { parameters: SEQUENCE_PARAMETERS, value: &|name| settings.get(name), preset: &|name| preset.get(name) };
+    table.add_to(&mut text, context.verbose)?;
+    let stages = SequenceStage::ALL.into_iter().map(|stage| {
+        let runs = plan.runs(stage);
+        let listed = |names: &[&str]| if runs { json!(names) } else { json!([]) };
+        let (reads, writes) = (listed(stage.reads()), listed(stage.writes()));
+        json!({ "name": stage.name(), "runs": runs, "reads": reads, "writes": writes })
+    });
+    context.finish(&context.sequence_report(settings), further(stages.collect(), &table)?, &text)
+}
+
+fn heading(preset: &str, changed: bool, of: &str) -> String {
+    let changes = if changed { " with your changes" } else { "" };
+    format!("The pipeline of preset `{preset}`{changes}, for {of}:\n\n")
+}
+
+/// The fields beside the report's.
+fn further<S>(stages: Vec<Value>, table: &Table<'_, S>) -> Result<Map<String, Value>, Failure> {
+    let mut further = Map::new();
+    further.insert("pipeline".to_owned(), stages.into());
+    further.insert("parameters".to_owned(), table.json()?.into());
+    Ok(further)
+}
+
+type Get<'t> = &'t dyn Fn(&str) -> Result<String, quell::Error>;
+
+/// The parameters of a filter, with the values in force and those of the preset.
+struct Table<'t, S: 'static> {
+    parameters: &'t [Parameter<S>],
+    value: Get<'t>,
+    preset: Get<'t>,
+}
+
+impl<S> Table<'_, S> {
+    fn add_to(&self, text: &mut String, verbose: bool) -> Result<(), Failure> {
+        text.push_str(
+            "\nParameters (set with --set NAME=VALUE; * differs from the preset; radii are meant at 720 rows)\n",
+        );
+        let mut group = "";
+        for parameter in self.parameters {
+            if parameter.group != group {
+                group = parameter.group;
+                text.push('\n');
+            }
+            text.push_str(&self.described(parameter, verbose)?);
         }
+        Ok(())
     }
-    Ok(text)
+
+    /// Name, value, range and meaning; with `verbose` also what moving it does, and its source.
+    fn described(&self, parameter: &Parameter<S>, verbose: bool) -> Result<String, Failure> {
+        let value = (self.value)(parameter.name)?;
+        let mark = if value == (self.preset)(parameter.name)? { ' ' } else { '*' };
+        let unit = if parameter.unit.is_empty() { String::new() } else { format!(" {}", parameter.unit) };
+        let left = format!("{mark} {} = {value}{unit}", parameter.name);
+        let mut text = format!("{left:<46} {} ({})\n", parameter.doc, parameter.range());
+        if verbose {
+            for line in [parameter.higher, parameter.lower, parameter.source] {
+                text.push_str(&format!("{:46} {line}\n", ""));
+            }
+        }
+        Ok(text)
+    }
+
+    fn json(&self) -> Result<Vec<Value>, Failure> {
+        let parameters = self.parameters.iter().map(|p| {
+            Ok(json!({
+                "name": p.name,
+                "value": (self.value)(p.name)?,
+                "range": p.range(),
+                "unit": p.unit,
+                "meaning": p.doc,
+                "higher": p.higher,
+                "lower": p.lower,
+                "source": p.source,
+            }))
+        });
+        parameters.collect()
+    }
 }

@@ -46,6 +46,10 @@ pub fn run(cli: Cli) -> Result<(), Failure> {
                 interrupt::install()?;
                 return denoise::run(&context, settings, args);
             }
+            Command::Explain(args) if args.is_of_the_pipeline() && Context::asks_for_sequences(&cli.common)? => {
+                let (context, settings) = Context::for_sequences(&cli.common)?;
+                return explain::sequence(&context, &settings);
+            }
             other => other,
         };
         let context = Context::new(&cli.common)?;

@@ -206,3 +206,38 @@ fn a_full_disk_leaves_nothing_half_written() {
         assert_eq!(folder.files("clean"), [""; 0], "{}", err(&output));
     }
 }
+
+/// The same two frames with the specification and with the fast back end: what is written says which, and agrees.
+#[test]
+fn the_reference_filters_two_small_frames() {
+    let folder = Folder::new("denoise-reference");
+    rendered(&folder, "24x14", 2);
+    let pictures: Vec<Vec<quell::Plane<quell::Rgb>>> = ["reference", "cpu"]
+        .into_iter()
+        .map(|backend| {
+            let base = ["denoise", "frames/noisy", "-o", backend, "--backend", backend, "--json"];
+            let output = run(&folder.0, &[&base[..], &SMALL_WINDOW].concat());
+            assert_eq!(output.status.code(), Some(0), "{}", err(&output));
+            let value: Value = serde_json::from_str(&out(&output)).expect("JSON");
+            assert_eq!(value["settings"]["backend"], backend);
+            let files = folder.files(backend);
+            assert_eq!(files.len(), 2);
+            let file = |name: &String| quell_frames::read_frame(&folder.0.join(backend).join(name)).expect("a frame");
+            files.iter().map(|name| file(name).composite.expect("a picture")).collect()
+        })
+        .collect();
+    let noisy = folder.files("frames/noisy").into_iter().map(|name| {
+        let file = quell_frames::read_frame(&folder.0.join("frames/noisy").join(name)).expect("a frame");
+        file.composite.expect("a picture")
+    });
+    for ((reference, cpu), noisy) in pictures[0].iter().zip(&pictures[1]).zip(noisy) {
+        let apart = |a: &quell::Plane<quell::Rgb>, b: &quell::Plane<quell::Rgb>| {
+            let pairs = a.data().iter().flatten().zip(b.data().iter().flatten());
+            pairs.map(|(a, b)| (a - b).abs() / (0.01 + a.abs())).fold(0.0, f32::max)
+        };
+        // Sums in another order: rounding of f32 over a few hundred samples.
+        assert!(apart(reference, cpu) < 1e-3, "{}", apart(reference, cpu));
+        // The canary: the filter did something.
+        assert!(apart(reference, &noisy) > 0.1);
+    }
+}

@@ -195,8 +195,18 @@ fn explain_shows_every_parameter_and_what_was_changed() {
         assert!(output.contains(&format!(" {} = ", parameter.name)), "{}", parameter.name);
     }
     assert!(output.contains("* firefly.enabled = off"), "{output}");
+    let sequence = out(&run(&folder.0, &["explain", "--preset", "sequence", "--set", "wavelet.levels=3"]));
+    for parameter in quell::sequence::SEQUENCE_PARAMETERS {
+        assert!(sequence.contains(&format!(" {} = ", parameter.name)), "{}", parameter.name);
+    }
+    assert!(sequence.contains("* wavelet.levels = 3"), "{sequence}");
+    // Both say of each stage what it reads, what it writes, and how far it looks.
+    for (text, stage) in [(&output, "7 Matte Bilateral"), (&sequence, "wavelet")] {
+        let line = text.lines().find(|line| line.starts_with(stage)).expect("the stage");
+        assert!(line.contains(" -> ") && line.contains("reach: "), "{line}");
+    }
     let page = out(&run(&folder.0, &["explain", "--markdown"]));
-    assert_eq!(page.trim_end(), quell::settings::parameters_markdown().trim_end());
+    assert_eq!(page.trim_end(), quell::parameters_markdown().trim_end());
 }
 
 #[test]

@@ -208,7 +208,7 @@ impl Part<'_> {
                 {
                     // What the next frame says of the motion to it is scattered all over the picture.
                     last.frames.iter_mut().zip(&mut next.frames).for_each(|(last, next)| {
-                        last.0.followed_by(&mut next.0, self.job.settings(), quell::Backend::default())
+                        last.0.followed_by(&mut next.0, self.job.settings(), self.job.options.backend)
                     });
                 }
                 entries.insert(number, Entry::Kept(self.keep(number, last, &mut moved)?));

@@ -168,8 +168,8 @@ impl Denoisers {
         let new = |_| {
             let settings = job.options.settings.clone();
             match &job.options.accelerator {
-                None => SequenceDenoiser::new(settings),
-                Some(elsewhere) => SequenceDenoiser::with_accelerator(settings, Arc::clone(elsewhere)),
+                None => SequenceDenoiser::with_backend(settings, job.options.backend),
+                Some(accelerator) => SequenceDenoiser::with_accelerator(settings, Arc::clone(accelerator)),
             }
         };
         let each = job.adapters.iter().map(new).collect::<Result<Vec<_>, _>>();

@@ -1,19 +1,18 @@
-//! A job as a user gives it: which files, which frames, what becomes of them.
+//! A job as a user gives it: which files, which frames, what becomes of them. `run.rs` runs it.
 
-use super::frames::{Denoisers, Disk};
 use super::memory::{Estimate, Memory};
 use super::output::{Destination, Existing, is_done, job_key};
-use super::pipeline::{self, Event, Outcome, RunOptions};
+use super::pipeline::RunOptions;
 use super::plan::{Plan, ranges};
 use crate::adapt::{AdaptOptions, Adapter, Footprint, reads};
 use crate::error::Error;
 use crate::image::{ExrImage, Window as ImageWindow, read_channels, read_headers};
 use crate::roles::{MapOptions, map_roles};
 use crate::sequence::{FrameSources, Sequence, find_sequence};
+use quell::Backend;
 use quell::sequence::{Accelerator, SEQUENCE_PARAMETERS, SequenceDenoiser, SequenceSettings};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use std::sync::atomic::AtomicBool;
 
 /// What the user asked for.
 #[derive(Clone, Debug)]
@@ -40,14 +39,21 @@ pub struct JobOptions {
     pub max_memory: Option<u64>,
     /// Bands of rows that the picture is filtered in; absent: as many as memory asks for.
     pub bands: Option<usize>,
-    /// Runs stages of the filter elsewhere, such as on a GPU; absent: this processor does all.
+    /// Which implementation of the stages runs on this processor. `Reference` is slow.
+    pub backend: Backend,
+    /// Runs stages of the filter on another device, such as a GPU, with `backend` [`Backend::Cpu`]; absent: this processor
+    /// does all.
     pub accelerator: Option<Arc<dyn Accelerator>>,
 }
 
 impl JobOptions {
     /// What filters, as files name it: two that differ may differ in bits.
     pub fn back_end(&self) -> String {
-        self.accelerator.as_ref().map_or_else(|| "cpu".to_owned(), |elsewhere| elsewhere.name())
+        match (&self.accelerator, self.backend) {
+            (Some(accelerator), _) => accelerator.name(),
+            (None, Backend::Cpu) => "cpu".to_owned(),
+            (None, Backend::Reference) => "reference".to_owned(),
+        }
     }
 }
 
@@ -167,11 +173,11 @@ impl Job {
         Ok(Memory { whole: estimate.bytes(1, 0), bytes: estimate.bytes(bands, margin), bands, limit })
     }
 
-    fn limit(&self) -> Option<(u64, bool)> {
+    pub(super) fn limit(&self) -> Option<(u64, bool)> {
         self.options.max_memory.map(|limit| (limit, true)).or_else(|| Some((super::memory::system()?, false)))
     }
 
-    fn estimate(&self) -> Estimate {
+    pub(super) fn estimate(&self) -> Estimate {
         // The longest run of frames without a break.
         let (mut longest, mut run) = (0, 0);
         for step in &self.plan.steps {
@@ -271,29 +277,6 @@ impl Job {
             self.memory().map_or_else(|error| error.to_string(), |memory| memory.describe())
         );
         text + &self.mapping
-    }
-
-    /// Runs it: see [`pipeline::run`].
-    ///
-    /// # Errors
-    /// As there.
-    pub fn run(&self, stop: &AtomicBool, told: &(dyn Fn(Event) + Sync)) -> Result<Outcome, Error> {
-        let mut outcome = if self.memory()?.bands > 1 {
-            let estimate = self.estimate();
-            let limit = self.limit();
-            let bands = |moved: f32| match self.options.bands {
-                Some(bands) => Ok(bands),
-                // It was said to take bands, and its frames lie in files already.
-                None => Ok(estimate.bands(limit, self.margin(moved)?)?.max(2)),
-            };
-            super::bands::run(self, &bands, stop, told)?
-        } else {
-            let mut window = Denoisers::new(self)?;
-            let disk = Disk::new(self);
-            pipeline::run(&self.plan, &disk, &mut window, self.run_options(), stop, told)?
-        };
-        outcome.times.elsewhere = self.options.accelerator.is_some();
-        Ok(outcome)
     }
 
     pub(super) fn sources(&self, number: i64) -> Result<&FrameSources, Error> {

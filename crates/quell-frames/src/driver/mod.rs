@@ -4,7 +4,8 @@
 //! plan.rs      which frames are read, in which order, where history starts afresh
 //! pipeline.rs  reading, filtering and writing at the same time; what becomes of each frame
 //! cuts.rs      shots told apart by their guides
-//! job.rs       what the user asked for, made ready and run
+//! job.rs       what the user asked for, made ready
+//! run.rs       a job that is ready, run
 //! frames.rs    a frame on its way through the three steps
 //! memory.rs    how much memory a job takes, and in how many bands of rows it fits
 //! bands.rs     a job in bands, with what waits in files
@@ -24,6 +25,7 @@ mod memory;
 pub mod output;
 pub mod pipeline;
 pub mod plan;
+mod run;
 
 pub use clock::{StageTime, Times};
 pub use cuts::CutGuides;

@@ -73,6 +73,7 @@ impl Case {
             settings,
             max_memory: None,
             bands: None,
+            backend: quell::Backend::default(),
             accelerator: None,
         }
     }

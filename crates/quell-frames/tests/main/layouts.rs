@@ -95,6 +95,7 @@ fn passes_of_hall_add_up_in_every_layout() {
             settings: quell::sequence::SequenceSettings::default(),
             max_memory: None,
             bands: None,
+            backend: quell::Backend::default(),
             accelerator: None,
         })
         .unwrap();

@@ -140,6 +140,7 @@ fn without_guides(name: &str, denoised: bool) -> ([f64; 2], Vec<String>) {
         settings: quell::sequence::SequenceSettings::default(),
         max_memory: None,
         bands: None,
+        backend: quell::Backend::default(),
         accelerator: None,
     });
     assert_eq!(job.unwrap().run(&AtomicBool::new(false), &|_| {}).unwrap().written(), 1);

@@ -6,7 +6,7 @@ use super::sequence::{START_FRAMES, Sequence};
 use crate::backend::Backend;
 use crate::error::Error;
 use crate::methods::external::{Competitor, numbered_files, run_command};
-use crate::methods::{Method, parse_on};
+use crate::methods::{FinishedPicture, Method, parse_on};
 use crate::report::Spread;
 use quell::{Frame, Plane, Rgb};
 use quell_frames::{Content, FrameToWrite, Metadata, Precision, WriteOptions, frame_path, read_picture, write_frame};
@@ -156,25 +156,33 @@ impl Runner<'_> {
         let mut nanoseconds = Vec::with_capacity(sequence.numbers.len());
         let mut files = Vec::with_capacity(sequence.numbers.len());
         let mut clamped = 0;
-        for (index, &number) in sequence.numbers.iter().enumerate() {
+        let mut keep = |finished: Vec<FinishedPicture>, meter: &mut Meter| -> Result<(), Error> {
+            for FinishedPicture { number, picture } in finished {
+                Error::same_size("finished picture", picture.size(), sequence.size)?;
+                meter.released(std::mem::size_of_val(picture.data()));
+                let path = picture_path(folder, number);
+                let of = sequence.frame(sequence.index_of(number).unwrap_or_default())?;
+                clamped += write_picture(&path, &picture, &of.frame, (&name, sequence.tone.exposure))?;
+                files.push(path);
+                told(files.len());
+            }
+            Ok(())
+        };
+        for index in 0..sequence.numbers.len() {
             self.stop_if_asked()?;
             let noisy = sequence.frame(index)?;
-            let (picture, time) = noisy.with_input(|input| {
-                meter.begin();
-                let begin = Instant::now();
-                let picture = method.denoise(input);
-                let time = begin.elapsed();
-                meter.end();
-                (picture, time)
-            });
-            let picture = picture?;
-            Error::same_size("finished picture", picture.size(), sequence.size)?;
-            meter.released(std::mem::size_of_val(picture.data()));
+            let (finished, time) = noisy.with_input(|input| timed(&mut meter, || method.push(input)));
             nanoseconds.push(whole_nanoseconds(time));
-            let path = picture_path(folder, number);
-            clamped += write_picture(&path, &picture, &noisy.frame, (&name, sequence.tone.exposure))?;
-            files.push(path);
-            told(index + 1);
+            keep(finished?, &mut meter)?;
+        }
+        self.stop_if_asked()?;
+        let (finished, time) = timed(&mut meter, || method.finish());
+        keep(finished?, &mut meter)?;
+        if method.looks_ahead() {
+            // Frames wait inside: what one costs is known of all together.
+            let all = nanoseconds.iter().sum::<u64>() + whole_nanoseconds(time);
+            let each = all / nanoseconds.len().max(1) as u64;
+            nanoseconds.fill(each);
         }
         let mut notes = Vec::new();
         if clamped > 0 {
@@ -220,6 +228,16 @@ impl Runner<'_> {
         write_done(folder, &done)?;
         Ok(finished)
     }
+}
+
+/// What `work` gives, and how long it took; its memory counts.
+fn timed<T>(meter: &mut Meter, work: impl FnOnce() -> T) -> (T, Duration) {
+    meter.begin();
+    let begin = Instant::now();
+    let found = work();
+    let time = begin.elapsed();
+    meter.end();
+    (found, time)
 }
 
 fn whole_nanoseconds(time: Duration) -> u64 {

@@ -4,6 +4,7 @@
 //! none.rs      the noisy input as it is
 //! external.rs  methods of others: finished frames, or a command
 //! quell.rs     quell with a preset, and the talk's ablations
+//! sequence.rs  quell's filter of whole sequences
 //! atrous.rs    Dammertz et al. 2010
 //! temporal.rs  accumulation alone
 //! svgf/        Schied et al. 2017
@@ -27,6 +28,7 @@ pub mod none;
 pub mod offline;
 pub mod oidn;
 pub mod quell;
+pub mod sequence;
 mod surface;
 pub mod svgf;
 pub mod temporal;
@@ -101,6 +103,36 @@ pub trait Method: Send {
     /// # Errors
     /// What the method misses or cannot do, in a sentence.
     fn denoise(&mut self, input: &Input<'_>) -> Result<Plane<Rgb>, Error>;
+
+    /// Whether a picture also depends on frames that come after it. Then [`Method::push`] gives pictures late.
+    fn looks_ahead(&self) -> bool {
+        false
+    }
+
+    /// Takes the next frame of a sequence and gives the pictures that are finished, in order.
+    ///
+    /// # Errors
+    /// As [`Method::denoise`].
+    fn push(&mut self, input: &Input<'_>) -> Result<Vec<FinishedPicture>, Error> {
+        Ok(vec![FinishedPicture { number: input.frame.index, picture: self.denoise(input)? }])
+    }
+
+    /// No frame follows: gives the pictures that are left.
+    ///
+    /// # Errors
+    /// As [`Method::denoise`].
+    fn finish(&mut self) -> Result<Vec<FinishedPicture>, Error> {
+        Ok(Vec::new())
+    }
+}
+
+/// A picture of [`Method::push`].
+#[derive(Clone, Debug, PartialEq)]
+pub struct FinishedPicture {
+    /// Number of its frame.
+    pub number: i64,
+    /// Scene-linear.
+    pub picture: Plane<Rgb>,
 }
 
 /// Finds a method by its name.
@@ -129,8 +161,8 @@ pub fn parse(name: &str) -> Result<Box<dyn Method>, Error> {
         "nfor" => return Ok(Box::new(nfor::Nfor::default())),
         _ => {}
     }
-    if let Some(variant) = name.strip_prefix("quell:") {
-        return Ok(Box::new(self::quell::Quell::parse(variant)?));
+    if name.starts_with("quell:") {
+        return parse_on(name, &Backend::Cpu(::quell::Backend::Cpu));
     }
     Err(Error::UnknownMethod {
         name: name.to_owned(),
@@ -138,13 +170,16 @@ pub fn parse(name: &str) -> Result<Box<dyn Method>, Error> {
     })
 }
 
-/// Likewise; quell's own run on this back end.
+/// Finds a method by its name; quell's own filters run on this back end.
 ///
 /// # Errors
 /// As [`parse`].
 pub fn parse_on(name: &str, backend: &Backend) -> Result<Box<dyn Method>, Error> {
     match name.strip_prefix("quell:") {
-        Some(variant) => Ok(Box::new(self::quell::Quell::parse(variant)?.on(backend))),
+        Some(variant) => Ok(match sequence::Sequence::parse(variant)? {
+            Some(method) => Box::new(method.on(backend)),
+            None => Box::new(self::quell::Quell::parse(variant)?.on(backend)),
+        }),
         None => parse(name),
     }
 }
@@ -154,6 +189,7 @@ pub const NAMES: &[&str] = &[
     "none",
     "temporal",
     "quell:paper",
+    "quell:sequence",
     "atrous",
     "svgf",
     "svgf:later",

@@ -71,7 +71,7 @@ impl Quell {
         let preset = parts.next().unwrap_or_default();
         let mut settings = match preset {
             "paper" => Settings::preset(Preset::Paper),
-            other => return Err(unknown(other, &mut ["paper"].into_iter())),
+            other => return Err(unknown(other, &mut ["paper", "sequence"].into_iter())),
         };
         for part in parts {
             if let Some((name, value)) = part.split_once('=') {

@@ -1313,7 +1313,7 @@ fn every_median_and_input_of_the_firefly_filter_removes_a_firefly() {
 #[test]
 fn the_parameter_page_is_current() {
     let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs/parameters.md");
-    let expected = quell::settings::parameters_markdown();
+    let expected = quell::parameters_markdown();
     if std::env::var_os("QUELL_WRITE_DOCS").is_some() {
         std::fs::create_dir_all(path.parent().unwrap()).unwrap();
         std::fs::write(&path, &expected).unwrap();

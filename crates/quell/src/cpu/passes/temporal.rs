@@ -5,7 +5,7 @@
 
 use crate::frame::Signal;
 use crate::kernels::clip_cpu::{Columns, Moments};
-use crate::kernels::reproject_cpu::{Expected, Footprint, LANES, Lookup};
+use crate::kernels::reproject_cpu::{Expected, Footprint, LANES, Lanes, Lanes3, Lookup};
 use crate::kernels::spiral::PERIOD;
 use crate::kernels::temporal::Blend;
 use crate::phased::guides::{CpuGuides, field};
@@ -106,6 +106,153 @@ struct Out<'a> {
     seen: Option<&'a mut [f32]>,
 }
 
+/// Lanes of one phase of one row.
+#[derive(Clone, Copy)]
+struct Place {
+    /// Row of the image, and of the band.
+    y: usize,
+    k: usize,
+    phase: usize,
+    /// First lane within the phase, how many are filled, and the row's element where they begin.
+    first: usize,
+    n: usize,
+    begin: usize,
+}
+
+/// What a band needs for the lanes at hand.
+struct Scratch {
+    expected: Expected,
+    footprint: Footprint,
+    lookup: Lookup,
+    columns: Columns,
+    moments: Moments,
+    shares: Shares,
+    old_length: Lanes,
+    surfaces: Lanes,
+    low: Lanes3,
+    high: Lanes3,
+    beauty_now: Lanes3,
+    beauty_then: Lanes3,
+    beauty_clamped: Lanes3,
+    value: Lanes3,
+    then: Lanes3,
+    result: Lanes3,
+}
+
+impl Scratch {
+    #[inline(always)]
+    fn new() -> Self {
+        let three = [[0.0; LANES]; 3];
+        Self {
+            expected: Expected::new(),
+            footprint: Footprint::new(),
+            lookup: Lookup::new(),
+            columns: Columns::new(),
+            moments: Moments::new(),
+            shares: Shares::new(),
+            old_length: [0.0; LANES],
+            surfaces: [0.0; LANES],
+            low: three,
+            high: three,
+            beauty_now: three,
+            beauty_then: three,
+            beauty_clamped: three,
+            value: three,
+            then: three,
+            result: three,
+        }
+    }
+
+    /// Finds where the surfaces, or what they mirror, were; fills `lookup` and `footprint`.
+    #[inline(always)]
+    fn look_up(&mut self, filter: &Filter<'_>, mirrors: bool, at: Place, out: &mut Out<'_>) {
+        let Self { expected, footprint, lookup, surfaces, .. } = self;
+        let (guides, settings) = (filter.guides, filter.settings);
+        let Place { y, k, phase, first, n, begin } = at;
+        let width = guides.phases.size.width;
+        let x = PERIOD * first + phase;
+        let found = filter.seen.map(|seen| &seen[y * width + begin..][..n]).filter(|_| mirrors);
+        match found.filter(|found| found.iter().fold(true, |all, trust| all & (*trust >= 0.0))) {
+            Some(found) => {
+                *surfaces = [0.0; LANES];
+                copy::<LANES, _>(&mut surfaces[..n], found);
+                expected.rest(guides, (y, begin, n), (x, PERIOD));
+                let rest = (&*expected, &*surfaces);
+                reflect::<false>(guides, settings, rest, (phase, first), footprint, lookup);
+            }
+            None => {
+                expected.find(guides, &settings.surface, (y, begin, n), (x, PERIOD));
+                footprint.collect(guides, &expected.coordinate, &expected.alive, false);
+                footprint.look_up(guides, settings, expected, false, lookup);
+                if mirrors || out.seen.is_some() {
+                    visible(guides, settings, (footprint, lookup), expected, surfaces);
+                }
+                if let Some(seen) = &mut out.seen {
+                    copy::<LANES, _>(&mut seen[k * width + begin..][..n], &surfaces[..n]);
+                }
+                if mirrors {
+                    let moved = (&*expected, &*surfaces);
+                    reflect::<true>(guides, settings, moved, (phase, first), footprint, lookup);
+                }
+            }
+        }
+        if !guides.confidence_in.is_empty() {
+            let trust = &guides.confidence_in[y * width + begin..][..n];
+            for i in 0..n {
+                lookup.trust[i] *= trust[i];
+            }
+        }
+    }
+
+    /// Blends every plane with its history.
+    #[inline(always)]
+    fn blend(
+        &mut self,
+        weights: &Blend,
+        (current, history): (&Colours, Remembered<'_>),
+        width: usize,
+        at: Place,
+        out: &mut Out<'_>,
+    ) {
+        let Place { y, k, phase, n, begin, .. } = at;
+        let (now, stride, radius) = (current.row(width, y), current.stride(width), weights.clip_radius as usize);
+        let found = (&self.footprint, &self.lookup);
+        load(now, width, 0, begin, n, &mut self.beauty_now);
+        fetch(history.colours, width, 0, found, &mut self.beauty_then);
+        match weights.clip {
+            Clip::Off => {}
+            Clip::Box => self.columns.boxes(phase, radius, &mut self.low, &mut self.high),
+            Clip::Sigma => {
+                self.moments.boxes((k, phase), radius, weights.clip_gamma, &mut self.low, &mut self.high);
+            }
+        }
+        if weights.clip != Clip::Off {
+            clamp(&self.beauty_then, &self.beauty_now, &self.low, &self.high, &mut self.beauty_clamped);
+        }
+        for plane in 0..current.planes {
+            load(now, width, plane, begin, n, &mut self.value);
+            if plane == 0 {
+                self.then = self.beauty_then;
+            } else {
+                fetch(history.colours, width, plane, found, &mut self.then);
+            }
+            let (value, then, share) = (&self.value, &self.then, &self.shares.history);
+            if weights.clip == Clip::Off {
+                blend_unclamped(value, then, share, &mut self.result);
+            } else if plane == 0 {
+                blend_beauty(value, then, &self.beauty_clamped, share, &mut self.result);
+            } else {
+                let beauty = (&self.beauty_then, &self.beauty_clamped, &self.beauty_now);
+                blend_lanes(value, then, share, beauty, &mut self.result);
+            }
+            for c in 0..3 {
+                let at = k * stride + (plane * 3 + c) * width + begin;
+                copy::<LANES, _>(&mut out.colours[at..][..n], &self.result[c][..n]);
+            }
+        }
+    }
+}
+
 #[inline(always)]
 fn band(
     filter: &Filter<'_>,
@@ -116,34 +263,21 @@ fn band(
     first_row: usize,
     out: &mut Out<'_>,
 ) {
-    let (guides, settings) = (filter.guides, filter.settings);
+    let guides = filter.guides;
     let width = phases.size.width;
-    let stride = current.stride(width);
-    let mirrors = filter.signal == Signal::Glossy && mirrors(settings, guides);
+    let mirrors = filter.signal == Signal::Glossy && mirrors(filter.settings, guides);
     let radius = weights.clip_radius as usize;
     let height = out.kept.len() / width;
-    let mut expected = Expected::new();
-    let mut footprint = Footprint::new();
-    let mut lookup = Lookup::new();
-    let mut columns = Columns::new();
-    let mut moments = Moments::new();
-    let mut shares = Shares::new();
-    let mut old_length = [0.0; LANES];
-    let mut surfaces = [0.0; LANES];
-    let (mut low, mut high) = ([[0.0; LANES]; 3], [[0.0; LANES]; 3]);
-    let (mut beauty_now, mut beauty_then, mut beauty_clamped) =
-        ([[0.0; LANES]; 3], [[0.0; LANES]; 3], [[0.0; LANES]; 3]);
-    let (mut value, mut then, mut result) = ([[0.0; LANES]; 3], [[0.0; LANES]; 3], [[0.0; LANES]; 3]);
+    let mut scratch = Scratch::new();
     let (mut confidence, mut length) = ([[0.0; LANES]; PERIOD], [[0.0; LANES]; PERIOD]);
     for first in (0..phases.longest()).step_by(LANES) {
         if weights.clip == Clip::Sigma {
-            moments.fill(phases, current, &guides.now.depth, (first_row, height, first), radius);
+            scratch.moments.fill(phases, current, &guides.now.depth, (first_row, height, first), radius);
         }
         for k in 0..height {
             let y = first_row + k;
-            let now = current.row(width, y);
             if weights.clip == Clip::Box {
-                columns.fill(phases, current, Some(&guides.now.depth), (y, first), radius);
+                scratch.columns.fill(phases, current, Some(&guides.now.depth), (y, first), radius);
             }
             for phase in 0..PERIOD {
                 let count = phases.count(phase);
@@ -152,74 +286,15 @@ fn band(
                 }
                 let n = LANES.min(count - first);
                 let begin = phases.range(phase).start + first;
-                let x = PERIOD * first + phase;
-                let told = filter.seen.map(|seen| &seen[y * width + begin..][..n]).filter(|_| mirrors);
-                match told.filter(|told| told.iter().fold(true, |all, trust| all & (*trust >= 0.0))) {
-                    Some(told) => {
-                        surfaces = [0.0; LANES];
-                        copy::<LANES, _>(&mut surfaces[..n], told);
-                        expected.rest(guides, (y, begin, n), (x, PERIOD));
-                        let rest = (&expected, &surfaces);
-                        reflect::<false>(guides, settings, rest, (phase, first), &mut footprint, &mut lookup);
-                    }
-                    None => {
-                        expected.find(guides, &settings.surface, (y, begin, n), (x, PERIOD));
-                        footprint.collect(guides, &expected.coordinate, &expected.alive, false);
-                        footprint.look_up(guides, settings, &expected, false, &mut lookup);
-                        if mirrors || out.seen.is_some() {
-                            visible(guides, settings, (&footprint, &lookup), &mut expected, &mut surfaces);
-                        }
-                        if let Some(seen) = &mut out.seen {
-                            copy::<LANES, _>(&mut seen[k * width + begin..][..n], &surfaces[..n]);
-                        }
-                        if mirrors {
-                            let moved = (&expected, &surfaces);
-                            reflect::<true>(guides, settings, moved, (phase, first), &mut footprint, &mut lookup);
-                        }
-                    }
-                }
-                if !guides.confidence_in.is_empty() {
-                    let trust = &guides.confidence_in[y * width + begin..][..n];
-                    for i in 0..n {
-                        lookup.trust[i] *= trust[i];
-                    }
-                }
-                fetch_scalar(history.length, width, (&footprint, &lookup), &mut old_length);
-                shares.weigh(weights, &lookup.trust, &old_length, &expected.depth);
+                let at = Place { y, k, phase, first, n, begin };
+                scratch.look_up(filter, mirrors, at, out);
+                let Scratch { footprint, lookup, expected, shares, old_length, .. } = &mut scratch;
+                fetch_scalar(history.length, width, (&*footprint, &*lookup), old_length);
+                shares.weigh(weights, &lookup.trust, old_length, &expected.depth);
                 confidence[phase] = shares.confidence;
                 length[phase] = shares.length;
                 copy::<LANES, _>(&mut out.kept[k * width + begin..][..n], &shares.length[..n]);
-
-                load(now, width, 0, begin, n, &mut beauty_now);
-                fetch(history.colours, width, 0, (&footprint, &lookup), &mut beauty_then);
-                match weights.clip {
-                    Clip::Off => {}
-                    Clip::Box => columns.boxes(phase, radius, &mut low, &mut high),
-                    Clip::Sigma => moments.boxes((k, phase), radius, weights.clip_gamma, &mut low, &mut high),
-                }
-                if weights.clip != Clip::Off {
-                    clamp(&beauty_then, &beauty_now, &low, &high, &mut beauty_clamped);
-                }
-                for plane in 0..current.planes {
-                    load(now, width, plane, begin, n, &mut value);
-                    if plane == 0 {
-                        then = beauty_then;
-                    } else {
-                        fetch(history.colours, width, plane, (&footprint, &lookup), &mut then);
-                    }
-                    if weights.clip == Clip::Off {
-                        blend_unclamped(&value, &then, &shares.history, &mut result);
-                    } else if plane == 0 {
-                        blend_beauty(&value, &then, &beauty_clamped, &shares.history, &mut result);
-                    } else {
-                        let beauty = (&beauty_then, &beauty_clamped, &beauty_now);
-                        blend_lanes(&value, &then, &shares.history, beauty, &mut result);
-                    }
-                    for c in 0..3 {
-                        let at = k * stride + (plane * 3 + c) * width + begin;
-                        copy::<LANES, _>(&mut out.colours[at..][..n], &result[c][..n]);
-                    }
-                }
+                scratch.blend(weights, (current, history), width, at, out);
             }
             let columns = k * width + PERIOD * first..k * width + width.min(PERIOD * (first + LANES));
             interleave(&confidence, &mut out.confidence[columns.clone()]);

@@ -1,0 +1,32 @@
+//! A job run: the whole picture at once, or in bands of rows where memory asks for it.
+
+use super::frames::{Denoisers, Disk};
+use super::job::Job;
+use super::pipeline::{self, Event, Outcome};
+use crate::error::Error;
+use std::sync::atomic::AtomicBool;
+
+impl Job {
+    /// Runs it: see [`pipeline::run`].
+    ///
+    /// # Errors
+    /// As there.
+    pub fn run(&self, stop: &AtomicBool, told: &(dyn Fn(Event) + Sync)) -> Result<Outcome, Error> {
+        let mut outcome = if self.memory()?.bands > 1 {
+            let estimate = self.estimate();
+            let limit = self.limit();
+            let bands = |moved: f32| match self.options.bands {
+                Some(bands) => Ok(bands),
+                // It was said to take bands, and its frames lie in files already.
+                None => Ok(estimate.bands(limit, self.margin(moved)?)?.max(2)),
+            };
+            super::bands::run(self, &bands, stop, told)?
+        } else {
+            let mut window = Denoisers::new(self)?;
+            let disk = Disk::new(self);
+            pipeline::run(self.plan(), &disk, &mut window, self.run_options(), stop, told)?
+        };
+        outcome.times.elsewhere = self.options.accelerator.is_some();
+        Ok(outcome)
+    }
+}
