@@ -6,7 +6,7 @@ use crate::border::Guides;
 use crate::settings::{GlossyTemporal, HitFilter, REFERENCE_ROWS, Rejection, Settings, Surface as SurfaceSettings};
 use glam::{Vec2, Vec3};
 
-/// Step 6b, glossy: the footprint at a virtual coordinate, each pixel tested for the same reflector. Never by point
+/// Glossy light: the footprint at a virtual coordinate, each pixel tested for the same reflector. Never by point
 /// distance: there the previous surface is another point of the mirror.
 pub fn reflector_lookup(
     now: &Guides,
@@ -75,7 +75,7 @@ pub fn previous_reflector(
     }
 }
 
-/// Step 2, glossy: where the mirror image at pixel (x, y) was. `hit_distance` as filtered by [`filtered_hit`].
+/// Glossy light: where the mirror image at pixel (x, y) was. `hit_distance` as filtered by [`filtered_hit`].
 ///
 /// A plane mirror's image lies behind the surface, on the eye ray, as far as the hit point lies before it. Where the
 /// reflector moved by itself, the hit point is mirrored in the plane that it had before.
@@ -120,7 +120,7 @@ pub(crate) const FARTHEST_BENT_PX: f32 = 32.0;
 /// Least squared sine of the angle between the two directions in which the reflected ray turns.
 pub(super) const LEAST_BENT_DETERMINANT: f32 = 1e-4;
 
-/// Step 2, glossy, on a curved reflector: the place in the previous image whose surface reflected the same hit point
+/// Glossy light: on a curved reflector: the place in the previous image whose surface reflected the same hit point
 /// into the eye. `None` where the four pixels at the surface's old place (`visible`) have one normal: plane.
 ///
 /// At each of the four the reflected previous eye ray misses the hit point by some angle; that miss is taken as linear

@@ -20,7 +20,7 @@ fn mirrored_in(v: vec3f, normal: vec3f) -> vec3f {
     return v - 2.0 * dot(v, normal) * normal;
 }
 
-// Step 6b, glossy: the footprint at a virtual coordinate, each pixel tested for the same reflector. Never by point
+// Glossy light: the footprint at a virtual coordinate, each pixel tested for the same reflector. Never by point
 // distance: there the previous surface is another point of the mirror.
 fn reflector_lookup(expected: Expected, coordinate: vec2f, pixel: vec2i) -> Lookup {
     if !on_screen(coordinate) {
@@ -81,7 +81,7 @@ fn previous_reflector(expected: Expected, visible: Lookup, pixel: vec2i) -> Expe
     return before;
 }
 
-// Step 2, glossy: where the mirror image at a pixel was. `hit_distance` as filtered by `filtered_hit`.
+// Glossy light: where the mirror image at a pixel was. `hit_distance` as filtered by `filtered_hit`.
 //
 // A plane mirror's image lies behind the surface, on the eye ray, as far as the hit point lies before it. Where the
 // reflector moved by itself, the hit point is mirrored in the plane that it had before.
@@ -120,7 +120,7 @@ fn bent_miss(q: vec2i, hit: vec3f, is_finite: bool, reflected: vec3f) -> vec3f {
     return wanted - away;
 }
 
-// Step 2, glossy, on a curved reflector: the place in the previous image whose surface reflected the same hit point
+// Glossy light: on a curved reflector: the place in the previous image whose surface reflected the same hit point
 // into the eye. None where the four pixels at the surface's old place (`visible`) have one normal: plane.
 //
 // At each of the four the reflected previous eye ray misses the hit point by some angle; that miss is taken as linear

@@ -63,7 +63,7 @@ pub(crate) fn previous_reflectors(
     }
 }
 
-/// Step 2, glossy: where the mirror images of the lanes were, into `coordinate`; `alive` goes to 0 where that is
+/// Glossy light: where the mirror images of the lanes were, into `coordinate`; `alive` goes to 0 where that is
 /// unknown or off screen. `hit`: filtered hit distances. `MOVED`: lanes may have moved.
 #[inline(always)]
 pub(crate) fn virtual_coordinates<const MOVED: bool>(

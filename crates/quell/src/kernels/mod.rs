@@ -1,5 +1,15 @@
-//! What several stages share: the cross-bilateral weight, tap patterns, reprojection, the colour clamp, a little
-//! mathematics.
+//! What several stages share.
+//!
+//! | file | what | of which filter |
+//! |---|---|---|
+//! | `reproject` | where a surface was in the frame before, and whether it is the same: disocclusion | real-time |
+//! | `mirror_image` | where the image in a mirror was | real-time |
+//! | `temporal`, `clip` | the blend with history; its clamp to the neighbourhood | real-time |
+//! | `edge`, `spiral` | cross-bilateral weights; sparse tap patterns | real-time |
+//! | `guide_distance` | edge-stopping functions of feature buffers | sequence |
+//! | `bilinear`, `math` | footprints; functions with the same bits on every machine | both |
+//!
+//! `*_cpu.rs` are twins on vectors, `*.wgsl` on the GPU.
 
 pub(crate) mod bilinear;
 pub mod clip;

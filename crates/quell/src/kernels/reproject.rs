@@ -43,7 +43,7 @@ pub struct Lookup {
 /// Weights under this share of the bilinear footprint are no evidence: rounding of a coordinate.
 const LEAST_FOOTPRINT: f32 = 1e-3;
 
-/// Step 1 and 6, matte: the surface at pixel (x, y), where it was. `None`: background, unknown motion, off screen, or
+/// Matte light: the surface at pixel (x, y), where it was. `None`: background, unknown motion, off screen, or
 /// a moving surface of which the previous image has no trace.
 pub fn expected_surface(
     now: &Guides,
@@ -82,7 +82,7 @@ pub fn expected_surface(
     Some(Expected { coordinate, position: anchor, normal, view_depth, moved })
 }
 
-/// Steps 4 and 6: the bilinear footprint at the expected place, each of its four pixels tested singly.
+/// The bilinear footprint at the expected place, each of its four pixels tested singly.
 pub fn surface_lookup(
     now: &Guides,
     before: &Guides,

@@ -69,7 +69,7 @@ fn footprint_pixel(footprint: Footprint, k: i32) -> vec2i {
     return footprint.first + vec2i(k & 1, k >> 1u);
 }
 
-// Step 1 and 6, matte: the surface at a pixel, where it was.
+// Matte light: the surface at a pixel, where it was.
 fn expected_surface(pixel: vec2i) -> Expected {
     let own = surface_of(pixel);
     let motion = moving_at(pixel, own.view_depth).motion;
@@ -159,7 +159,7 @@ fn lookup_of(footprint: Footprint, trusts: array<f32, 4>) -> Lookup {
     return found;
 }
 
-// Steps 4 and 6: the bilinear footprint at the expected place, each of its four pixels tested singly.
+// The bilinear footprint at the expected place, each of its four pixels tested singly.
 fn surface_lookup(expected: Expected, pixel: vec2i) -> Lookup {
     let id = surface_of(pixel).id;
     let footprint = footprint_of(to_before(expected.coordinate));

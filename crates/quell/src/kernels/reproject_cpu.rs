@@ -70,7 +70,7 @@ impl Expected {
         }
     }
 
-    /// Steps 1 and 6, matte, for the `n` pixels of row `y` from element `begin` on, the first in column `x`, every
+    /// Matte light: for the `n` pixels of row `y` from element `begin` on, the first in column `x`, every
     /// `stride`-th column.
     #[inline(always)]
     pub fn find(
@@ -435,7 +435,7 @@ impl Footprint {
         }
     }
 
-    /// Steps 4 and 6: each of the four pixels tested singly. `reflector`: by the tests of 6b.
+    /// Each of the four pixels tested singly. `reflector`: the pixel must show the same reflector.
     #[inline(always)]
     pub fn look_up(
         &mut self,

@@ -50,7 +50,7 @@ impl Blend {
         }
     }
 
-    /// Step 7: how much history counts, the confidence, and the new history length, from trust rho and the old
+    /// How much history counts, the confidence, and the new history length, from trust rho and the old
     /// length N.
     #[inline(always)]
     pub fn weigh(&self, trust: f32, length: f32) -> Weighed {
@@ -116,7 +116,7 @@ pub fn fetch_scalar(history: &Plane<f32>, lookup: &Lookup) -> f32 {
     lookup.index.iter().zip(lookup.weight).filter(|(_, w)| *w > 0.0).map(|(i, w)| w * data[*i]).sum()
 }
 
-/// Steps 5 and 7 for one pixel of one plane: history, clamped as the beauty's is, blended with the current value.
+/// One pixel of one plane: history, clamped as the beauty's is, blended with the current value.
 ///
 /// `beauty`: history before and after the clamp, and the current value, of the signal that the plane is tied to.
 #[inline(always)]

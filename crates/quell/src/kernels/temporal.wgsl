@@ -23,7 +23,7 @@ struct Weighed {
     length: f32,
 }
 
-// Step 7: how much history counts, the confidence, and the new history length, from trust rho and the old length N.
+// How much history counts, the confidence, and the new history length, from trust rho and the old length N.
 fn weigh(blend: Blend, trust: f32, frames: f32) -> Weighed {
     if trust <= 0.0 || frames <= 0.0 {
         return Weighed(0.0, 0.0, 1.0);

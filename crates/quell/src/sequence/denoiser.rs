@@ -59,21 +59,17 @@ impl PreparedFrame {
     /// only rows will be pushed it must be done before.
     pub fn followed_by(&mut self, next: &mut Self, settings: &SequenceSettings, backend: Backend) {
         if self.is_followed_by(next) {
-            self.link(next, settings, stages_of(backend));
+            self.link(next, stages_of(backend), &SequencePlan::new(settings), settings);
         }
     }
 
-    fn link(&mut self, next: &mut Self, settings: &SequenceSettings, stages: &dyn SequenceStages) {
+    fn link(&mut self, next: &mut Self, stages: &dyn SequenceStages, plan: &SequencePlan, s: &SequenceSettings) {
         if self.features.lacks_motion_to_next() {
             self.features.derive_motion_to_next(&next.features);
         }
         // Bands of rows bring what was found in the whole picture.
-        if self.features.motion.reflection_to_next.is_some() {
-            return;
-        }
-        if let Some(found) = stages.reflection_motion(&self.features, &next.features, &settings.reflections) {
-            self.features.motion.reflection_to_next = found.to_next;
-            next.features.motion.reflection_to_previous = found.to_previous;
+        if self.features.motion.reflection_to_next.is_none() {
+            run::link(stages, plan, &mut self.features, &mut next.features, s);
         }
     }
 }
@@ -159,7 +155,7 @@ impl SequenceDenoiser {
             self.finish_to(out)?;
         }
         if let Some(last) = self.entries.back_mut() {
-            last.frame.link(&mut frame, &self.settings, self.stages);
+            last.frame.link(&mut frame, self.stages, &self.plan, &self.settings);
         }
         self.entries.push_back(Entry { frame, wanted, estimate: None });
         self.ready(false, out)
@@ -281,11 +277,11 @@ impl SequenceDenoiser {
             self.entries.range(from..=to).filter_map(|e| Some((&e.frame, e.estimate.as_ref()?))).collect();
         let entry = self.entries.get(t)?;
         let estimate = entry.estimate.as_ref()?;
-        let (planes, alpha) = run::finish(self.stages, &self.plan, &frames, t - from, &self.settings);
+        let run::Finished { passes, alpha } = run::finish(self.stages, &self.plan, &frames, t - from, &self.settings);
         let samples = estimate.samples.clone();
         let full = self.settings.variance.confident_samples;
         let confidence = Plane::from_fn(samples.size(), |x, y| (samples.at(x, y) / full).min(1.0));
-        let lights = with_weights(&entry.frame, planes);
+        let lights = with_weights(&entry.frame, passes);
         let (number, repaired) = (entry.frame.number, entry.frame.repaired);
         Some(Filtered { number, lights, alpha, confidence, samples, repaired })
     }

@@ -7,7 +7,7 @@ use super::settings::SequenceSettings;
 use crate::reach::{Reach, listing};
 use crate::stages::{feature_noise, gather, recombine, stabilise, variance, wavelet};
 
-/// One stage of the sequence filter; its folder in `stages/` has its name.
+/// One stage of the sequence filter; its folder in `stages/` has its name, but for the two halves of `recombine`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum SequenceStage {
     /// `reflection_motion`, for a pair of neighbouring frames, before all others.

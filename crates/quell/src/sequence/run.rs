@@ -138,35 +138,69 @@ impl Work<'_> {
             (SequenceStage::Sum, _) => {
                 self.picture = self.stages.sum(frame, &self.gathered.slots, &self.gathered.colours);
             }
-            // Of pairs of frames, or of frames that are estimated.
-            _ => {}
+            _ => {} // of pairs of frames, or done by `finish`
         }
         Ok(())
     }
 }
 
-/// Runs the stages after [`SequenceStage::Sum`] for `frames[centre]`: its passes, without weights, and its coverage.
+/// Finds what a pair of neighbouring frames shows, where the plan says so: the motion of what mirrors show.
+pub(crate) fn link(
+    stages: &dyn SequenceStages,
+    plan: &SequencePlan,
+    previous: &mut Features,
+    next: &mut Features,
+    s: &SequenceSettings,
+) {
+    for stage in plan.stages() {
+        if stage == SequenceStage::ReflectionMotion
+            && let Some(found) = stages.reflection_motion(previous, next, &s.reflections)
+        {
+            previous.motion.reflection_to_next = found.to_next;
+            next.motion.reflection_to_previous = found.to_previous;
+        }
+    }
+}
+
+/// What comes out of a frame: its passes, without weights, and its coverage.
+pub(crate) struct Finished {
+    pub passes: Vec<Vec<Plane<Rgb>>>,
+    pub alpha: Option<Plane<f32>>,
+}
+
+/// Runs the plan's stages after [`SequenceStage::Sum`] for `frames[centre]`.
 pub(crate) fn finish(
     stages: &dyn SequenceStages,
     plan: &SequencePlan,
     frames: &[(&PreparedFrame, &Estimate)],
     centre: usize,
     s: &SequenceSettings,
-) -> (Vec<Vec<Plane<Rgb>>>, Option<Plane<f32>>) {
+) -> Finished {
     let (frame, estimate) = frames[centre];
-    let (steady, alpha) = if plan.runs(SequenceStage::Stabilise) {
-        let window: Vec<_> = (frames.iter())
-            .map(|(frame, estimate)| StabiliseFrame {
-                features: &frame.features,
-                picture: &estimate.picture,
-                alpha: frame.alpha.as_ref(),
-            })
-            .collect();
-        stages.stabilise(&window, centre, &s.gather, &s.stabilise)
-    } else {
-        (estimate.picture.clone(), frame.alpha.clone())
-    };
-    (stages.rescale(frame, &estimate.slots, &estimate.colours, &estimate.picture, &steady), alpha)
+    let mut finished = Finished { passes: Vec::new(), alpha: frame.alpha.clone() };
+    // A stage that does not run hands its input on.
+    let mut steady = None;
+    for stage in plan.stages() {
+        match stage {
+            SequenceStage::Stabilise => {
+                let window: Vec<_> = (frames.iter())
+                    .map(|(frame, estimate)| StabiliseFrame {
+                        features: &frame.features,
+                        picture: &estimate.picture,
+                        alpha: frame.alpha.as_ref(),
+                    })
+                    .collect();
+                let (picture, alpha) = stages.stabilise(&window, centre, &s.gather, &s.stabilise);
+                (steady, finished.alpha) = (Some(picture), alpha);
+            }
+            SequenceStage::Rescale => {
+                let after = steady.as_ref().unwrap_or(&estimate.picture);
+                finished.passes = stages.rescale(frame, &estimate.slots, &estimate.colours, &estimate.picture, after);
+            }
+            _ => {} // of pairs of frames, or done by `estimate`
+        }
+    }
+    finished
 }
 
 fn most_samples(size: Size, moments: &Rows) -> Plane<f32> {

@@ -1,10 +1,14 @@
 //! The stages of both filters, one folder each. `mod.rs` is the contract; `reference.rs` the specification, scalar and
-//! obvious; `cpu.rs` the same function on rows for the fast back end; `shader.wgsl` on the GPU.
+//! obvious; `cpu.rs` the same function on rows for the fast back end; `shader.wgsl` on the GPU (none where that stage runs on the
+//! CPU alone). `matte_bilateral` is `matte_prefilter` with other taps.
 //!
 //! | filter | its stages, in order |
 //! |---|---|
 //! | real-time ([`crate::pipeline`]) | `matte_temporal`, `matte_prefilter`, `disocclusion`, `firefly`, `matte_bilateral`, `glossy_temporal`, `glossy_bilateral`, `direct_taa`, `composite` |
-//! | sequences ([`crate::sequence`]) | `reflection_motion`, `gather`, `feature_noise`, `variance`, `wavelet`, `recombine`, `stabilise` |
+//! | sequences ([`crate::sequence`]) | `reflection_motion`, `gather`, `feature_noise`, `variance`, `wavelet`, `recombine` (sum), `stabilise`, `recombine` (rescale) |
+//!
+//! Sources in the tables: \[S] the talk's slides, \[A] the abstract, \[E] the authors' engine and later work, \[I] inferred, \[O] open, so ours;
+//! more in `docs/paper.md`.
 
 #[cfg(all(test, feature = "cpu"))]
 mod causal;

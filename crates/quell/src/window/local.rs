@@ -16,7 +16,7 @@ pub struct LocalFeatures {
     pub depth_noise: Vec<f32>,
     /// Unit normals, component by component; zeros where there is none.
     pub normal: [Vec<f32>; 3],
-    /// Noise of the normal: 1 - cosine that neighbours differ by whatever the direction.
+    /// Noise of the normal, about 1 - cosine: how far it lies from its neighbours' mean in the direction in which that is least.
     pub normal_noise: Vec<f32>,
     /// Tone-mapped albedo seen in mirrors and through glass. Empty: absent.
     pub seen_albedo: [Vec<f32>; 3],

@@ -1,7 +1,7 @@
 //! Frames of a sequence as the stages read them: feature buffers, samples in half precision, bands of rows.
 //!
 //! ```text
-//! features.rs    feature buffers of a frame, from either contract
+//! features.rs    feature buffers of a frame
 //! local.rs       slopes and noise beside them; which of them a light's filter reads
 //! mirrors.rs     which pixels are mirrors or clear glass, and the colour of what they show
 //! prepared.rs    a frame made ready: its feature buffers and its light

@@ -9,6 +9,8 @@
 //! | source | \[S] that it exists; the action is ours \[O], `docs/paper.md`, stage 5 |
 //! | parameters | `disocclusion.*` |
 //!
+//! What is disoccluded is decided in stages 3 and 8, by the thresholds `surface.*` of `kernels/reproject.rs`; here its confidence acts.
+//!
 //! The maximum comes first, so that the band around a fresh region is covered whole before its edge is softened.
 
 #[cfg(feature = "cpu")]

@@ -1,6 +1,6 @@
 //! Slopes and noise of feature buffers on all threads.
 
-use super::APART;
+use super::DIVIDED;
 use crate::par;
 use crate::window::{Features, LocalFeatures, Packed, SurfacePoint};
 
@@ -73,7 +73,7 @@ pub(crate) fn run(features: &Features) -> LocalFeatures {
         Some(colour) => (0..size.pixels()).map(|p| colour.at(0, p) != [1.0; 3]).collect(),
     };
     for (mark, _) in seen_albedo[0].iter_mut().zip(&mirror).filter(|(_, mirror)| **mirror) {
-        *mark += APART;
+        *mark += DIVIDED;
     }
     LocalFeatures {
         size,

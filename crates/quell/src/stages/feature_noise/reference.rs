@@ -1,6 +1,6 @@
 //! The specification of slopes and noise of feature buffers.
 
-use super::APART;
+use super::DIVIDED;
 use crate::window::{Features, LocalFeatures, SurfacePoint};
 
 /// Runs the stage on the whole image.
@@ -52,7 +52,7 @@ pub fn run(f: &Features) -> LocalFeatures {
             if let Some(seen) = &f.seen {
                 if f.has_seen[0] {
                     // The first channel holds mirrors apart from all else.
-                    let mark = if c == 0 && f.is_mirror(p) { APART } else { 0.0 };
+                    let mark = if c == 0 && f.is_mirror(p) { DIVIDED } else { 0.0 };
                     out.seen_albedo[c].push(seen.at(0, p)[c] + mark);
                 }
                 if f.has_seen[1] {

@@ -1,4 +1,4 @@
-//! Sequence filter, stage 1: the samples met along each surface's motion trajectory, averaged.
+//! Sequence filter: the samples met along each surface's motion trajectory, averaged.
 //!
 //! | | |
 //! |---|---|
@@ -10,9 +10,11 @@
 //! | source | ours: `docs/sequence.md` |
 //! | parameters | `gather.*` |
 //!
-//! A pixel's surface is followed by its motion, frame by frame (`trajectory.rs`), and each raw sample is fetched once: no repeated
-//! resampling. A pixel there shows the same surface where it lies on the tangent plane of the surface here (it stands), or
-//! where motion there and back again ends where it began (it moves).
+//! A sample is a pixel of one frame: the mean of its paths. A pixel's surface is followed by its motion, frame by frame
+//! (`trajectory.rs`), and each sample is fetched once: no repeated resampling. A pixel there shows the same surface where it
+//! lies on the tangent plane of the surface here and normals agree (it stands). Off that plane, it must have about the same depth and
+//! normal, and motion there and back again must end where it began, where there is motion back (it moves; `moving_weight`).
+//! Where one seed was used for all frames, samples of a pixel that stands are left out: they have the same noise.
 
 #[cfg(feature = "cpu")]
 pub(crate) mod cpu;

@@ -1,4 +1,4 @@
-//! The specification of stage 1 of the sequence filter.
+//! The specification of `gather`.
 
 use super::{Gathered, LEAST_COUNT, Place, decay, lit, seen_distance};
 use crate::kernels::bilinear::footprint;

@@ -9,6 +9,8 @@
 //! | source | \[E, S, I] `docs/paper.md`, stage 8 |
 //! | parameters | `glossy_temporal.*`, `surface.*` |
 //!
+//! Without hit distance history is fetched where the surface was, as in stage 3; with it, d is
+//! the hit distance after `glossy_temporal.hit_filter` over 3x3 of the same reflector.
 //! Trust is the product of two tests: the surface was visible (at x + motion), and the virtual place lies on the same
 //! reflector.
 

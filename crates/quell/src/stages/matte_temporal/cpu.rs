@@ -22,7 +22,7 @@ impl Shares {
         Self { history: [0.0; LANES], confidence: [0.0; LANES], length: [1.0; LANES] }
     }
 
-    /// Step 7. `depth`: background needs no help, its confidence is 1.
+    /// `depth`: background needs no help, its confidence is 1.
     #[inline(always)]
     pub fn weigh(&mut self, weights: &Blend, trust: &Lanes, length: &Lanes, depth: &Lanes) {
         for i in 0..LANES {

@@ -2,12 +2,15 @@
 //!
 //! | | |
 //! |---|---|
-//! | reads | matte signal and passes, matte history, history length, guides now and before |
-//! | writes | matte temporal, confidence, history length N |
+//! | reads | matte signal and passes, matte history, history length N, feature buffers now and before, the host's `confidence_in` |
+//! | writes | matte temporal, confidence, the new history length min(rho N + 1, 4096) |
 //! | reach | 1 pixel of history around the reprojected place; `clip_radius` pixels of the current signal |
 //! | equation | out = w h + (1 - w) c, w = rho min(alpha, N / (N + 1)) (without `ramp`: rho alpha); confidence = rho min(1, N / `surface.confidence_frames`); h clamped to the neighbourhood of c where `clip` says so |
 //! | source | \[E, S, I] `docs/paper.md`, stage 3 |
 //! | parameters | `matte_temporal.*`, `surface.*` |
+//!
+//! rho, the trust in history, is where disocclusion is detected: `kernels/reproject.rs` compares the surface that motion leads to with the one
+//! that was there (`surface.plane_distance` and what stands beside it), and the host's `confidence_in` multiplies it.
 //!
 //! Background and pixels without history take the current value. Their confidence is 0, that of background 1: nothing
 //! there needs help.

@@ -1,15 +1,16 @@
-//! Sequence filter, before and after stage 4: light and colour multiplied and added up to a picture, and every pass scaled to the
-//! steadier picture.
+//! Sequence filter, on both sides of `stabilise`: light and colour multiplied and added up to a picture (`sum`); then every pass scaled to
+//! what `stabilise` made of it (`rescale`).
 //!
 //! | | |
 //! |---|---|
-//! | reads | filtered light, the colours that multiply it, the picture before and after stage 4 |
+//! | reads | filtered light, the colours that multiply it, the picture before and after `stabilise` |
 //! | writes | the picture; the passes |
 //! | reach | none |
 //! | equation | picture = sum light * weight * mirror colour; pass' = pass * mirror colour * after / before, channel by channel |
 //! | source | \[S] of the paper, "multiplied back"; the scale ours: `docs/sequence.md` |
 //!
-//! One factor a pixel and channel for all passes: they add up to the steadier picture as they did before.
+//! One factor a pixel and channel for all passes: they add up to the steadier picture as they did before. Where the picture was
+//! black or is not positive after, the factor is 1, and passes stay.
 
 #[cfg(feature = "cpu")]
 pub(crate) mod cpu;

@@ -23,7 +23,7 @@ pub fn sum(frame: &PreparedFrame, slots: &[LightSlot], colours: &Rows) -> Plane<
     })
 }
 
-/// Every plane of every light of the frame, without its weight, scaled by what stage 4 made of the picture (`before`,
+/// Every plane of every light of the frame, without its weight, scaled by what `stabilise` made of the picture (`before`,
 /// `after`). Lights that are black all over the window are black.
 pub fn rescale(
     frame: &PreparedFrame,

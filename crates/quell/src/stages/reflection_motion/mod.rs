@@ -4,10 +4,12 @@
 //! |---|---|
 //! | reads | albedo and normal seen in mirrors and through glass (Cycles' `Denoising Albedo`, `Denoising Normal`) of two neighbouring frames; motion of their surfaces |
 //! | writes | motion of reflections, both ways; at other pixels the surface's |
-//! | reach | the whole picture: done before a frame is cut into bands |
-//! | equation | least mean of min(\|a - b\|^2, most) over 7x7 of mirror, plus a cost of departing from the surface's motion; parabola between pixels |
+//! | reach | none that bands must know: it runs on whole pictures, before a frame is cut into bands |
+//! | equation | the offset o that minimises mean min(\|a(p) - b(p + o)\|^2, `most_difference`) + `departure` \|o - surface's motion\|^2 over the pixels p of a patch that show a mirror; the surface's motion counts `surface_bonus` of its cost; then a median over 3x3, and a parabola between pixels |
 //! | parameters | `reflections.*` |
 //! | source | block matching over a pyramid; ours: `docs/sequence.md` |
+//!
+//! The real-time filter finds reflections from hit distances instead: `kernels/mirror_image.rs`.
 //!
 //! Coarse to fine: at the coarsest level every offset near the surface's motion is tried, at finer ones what the level above
 //! found there and beside. Where nothing is to be told apart, the surface's own motion stays.

@@ -1,11 +1,11 @@
-//! Sequence filter, stage 4: a picture averaged with its neighbours in time, each fetched along the motion of what is in
+//! Sequence filter: a picture averaged with its neighbours in time, each fetched along the motion of what is in
 //! front and limited to the picture's own range in 3x3.
 //!
 //! | | |
 //! |---|---|
 //! | reads | filtered pictures and coverage of the frames around, their depth, motion and mirrors |
 //! | writes | the steadier picture, and its coverage |
-//! | reach | `stabilise.frames` frames before and after; around where motion leads 2 rows for what is in front, 4 for the cubic and the range; where motion leads: as `gather` |
+//! | reach | `stabilise.frames` frames before and after; 6 pixels in a frame: 3 of the cubic, 1 of the range, 2 of what is in front before and after motion; 2 rows where motion is rounded |
 //! | equation | out = (c + sum_k w_k clamp(c_k, low, high)) / (1 + sum_k w_k), w_k = decay^(k - 1) * likeness of what a mirror shows |
 //! | source | temporal anti-aliasing (Karis 2014) with both neighbours in time; ours: `docs/sequence.md` |
 //! | parameters | `stabilise.*`, `gather.travel`, `gather.future` |
@@ -40,7 +40,7 @@ pub(crate) fn seen_difference(here: &Features, p: usize, other: &Features, q: us
     (0..3).map(|c| (a[c] - b[c]).powi(2)).sum()
 }
 
-/// Rows read at a pixel: the range in 3x3, the cubic, what is in front in 3x3.
+/// Pixels read within a frame: the cubic, the range in 3x3, what is in front in 3x3 before and after motion.
 const WINDOW: usize = 3 + 1 + 2;
 /// Rows that rounding adds where motion leads.
 const FOOTPRINT: usize = 2;

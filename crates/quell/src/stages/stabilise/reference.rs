@@ -1,4 +1,4 @@
-//! The specification of stage 4 of the sequence filter.
+//! The specification of `stabilise`.
 
 use super::{StabiliseFrame, seen_difference};
 use crate::frame::Rgb;

@@ -1,4 +1,4 @@
-//! Sequence filter, stage 2: the variance of every light's mean, pooled over the surface around each pixel.
+//! Sequence filter: the variance of every light's mean, pooled over the surface around each pixel.
 //!
 //! | | |
 //! |---|---|

@@ -1,4 +1,4 @@
-//! The specification of stage 2 of the sequence filter.
+//! The specification of `variance`.
 
 use crate::kernels::guide_distance::{guide_distance, weight};
 use crate::kernels::math::luminance;

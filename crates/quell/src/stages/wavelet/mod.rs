@@ -1,4 +1,4 @@
-//! Sequence filter, stage 3: edge-avoiding a-trous levels with a luminance stop.
+//! Sequence filter: edge-avoiding a-trous levels with a luminance stop.
 //!
 //! | | |
 //! |---|---|
@@ -6,11 +6,12 @@
 //! | writes | the filtered planes |
 //! | reach | sum over levels i of 2 * 2^i + 1 pixels |
 //! | equation | out = sum h w c / sum h w; variance' = sum (h w)^2 v / (sum h w)^2; w = weight(guide distance + stop) |
-//! | luminance stop | max(0, (m_p - m_q)^2 - v) / (k^2 v + e), m: means over 3x3 of the same surface, v: variance of both, k: `wavelet.matte` ... in deviations |
+//! | luminance stop | max(0, (m_p - m_q)^2 - v) / (k^2 v + (`least_contrast` m_p)^2), m: means over 3x3 of the same surface, v: the sum of their variances, k: `wavelet.matte` ... in deviations |
 //! | source | Dammertz, Sewtz, Hanika, Lensch (HPG 2010); stop by variance: SVGF (Schied et al., HPG 2017) 4.4; 3x3 means and "- v" ours |
 //! | parameters | `wavelet.*` |
 //!
-//! The squared difference counts only beyond the variance that both means bring along, so that noise alone stops nothing.
+//! The squared difference counts only beyond its expectation for equal light, v (if the noise of pixels is independent), so that noise alone
+//! stops little: at three deviations and k = 4 the weight is 0.6.
 
 #[cfg(feature = "cpu")]
 pub(crate) mod cpu;

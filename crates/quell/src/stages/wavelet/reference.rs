@@ -1,4 +1,4 @@
-//! The specification of stage 3 of the sequence filter.
+//! The specification of `wavelet`.
 
 use super::{LEAST_VARIANCE, SPLINE, TENT, levels, tolerance};
 use crate::kernels::guide_distance::{guide_distance, weight};
