@@ -225,7 +225,8 @@ fn dispatch(program: &Program, index: usize, dispatch: &Dispatch) -> Value {
             Kind::Host(sample) => json!({ "kind": "texture", "sample_type": sample_names(sample).0 }),
             Kind::Taps => json!({ "kind": "read-only-storage" }),
             Kind::Counts(_) => json!({ "kind": "storage" }),
-            Kind::Uniform(_) => Value::Null,
+            // None of the real-time filter's passes binds these.
+            Kind::Uniform(_) | Kind::Frames | Kind::Read(_) | Kind::Write(_) | Kind::Picture(_) => Value::Null,
         };
         extend(&mut value, further);
         value

@@ -5,7 +5,7 @@ use crate::error::Error;
 use crate::readback::Readback;
 use quell::Size;
 use quell::gpu::wgpu::{Buffer, BufferUsages, ErrorFilter};
-use quell::gpu::{self, SequenceShaders, SequenceStage, SequenceWavelet, SequenceWindow, WaveletBuffers};
+use quell::gpu::{self, SequenceKernels, SequenceStage, SequenceWavelet, SequenceWindow, WaveletBuffers};
 use quell::sequence::{AcceleratedWindow, Accelerator, EstimateJob, Guide, WaveletJob, WaveletLight};
 use std::ops::Range;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -15,7 +15,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 #[derive(Debug)]
 pub struct SequenceAccelerator {
     gpu: Arc<Gpu>,
-    shaders: Arc<SequenceShaders>,
+    kernels: Arc<SequenceKernels>,
     notes: Arc<Mutex<Notes>>,
 }
 
@@ -35,9 +35,9 @@ impl SequenceAccelerator {
     /// # Errors
     /// What the device reports.
     pub fn new(gpu: Arc<Gpu>) -> Result<Self, Error> {
-        let shaders = Arc::new(SequenceShaders::new(gpu.device()));
+        let kernels = Arc::new(SequenceKernels::new(gpu.device()));
         gpu.check("compiling the sequence filter")?;
-        Ok(Self { gpu, shaders, notes: Arc::default() })
+        Ok(Self { gpu, kernels, notes: Arc::default() })
     }
 
     fn filter(&self, job: &mut WaveletJob<'_>) -> Result<(), Error> {
@@ -74,7 +74,7 @@ impl SequenceAccelerator {
             planes: &planes,
         };
         let mut encoder = gpu.encoder("quell host wavelet");
-        let at = self.shaders.wavelet().encode(gpu.device(), &mut encoder, light, &buffers, band.size)?;
+        let at = self.kernels.wavelet().encode(gpu.device(), &mut encoder, light, &buffers, band.size)?;
         let bytes = band.size.pixels() as u64 * COLOUR;
         let mut readback = Readback::default();
         planes.iter().for_each(|pair| readback.buffer(gpu, &mut encoder, pair[at], bytes));
@@ -102,9 +102,9 @@ impl Accelerator for SequenceAccelerator {
     }
 
     fn window(&self) -> Option<Box<dyn AcceleratedWindow>> {
-        let window = SequenceWindow::new(self.gpu.device(), Arc::clone(&self.shaders));
+        let window = SequenceWindow::new(self.gpu.device(), Arc::clone(&self.kernels));
         let (gpu, notes) = (Arc::clone(&self.gpu), Arc::clone(&self.notes));
-        Some(Box::new(Window { gpu, shaders: Arc::clone(&self.shaders), window, refuses: false, notes }))
+        Some(Box::new(Window { gpu, kernels: Arc::clone(&self.kernels), window, refuses: false, notes }))
     }
 
     fn notes(&self, all: bool) -> Vec<String> {
@@ -117,7 +117,7 @@ impl Accelerator for SequenceAccelerator {
 #[derive(Debug)]
 struct Window {
     gpu: Arc<Gpu>,
-    shaders: Arc<SequenceShaders>,
+    kernels: Arc<SequenceKernels>,
     window: SequenceWindow,
     /// It does not fit on the device.
     refuses: bool,
@@ -136,7 +136,7 @@ impl Window {
         if !self.reserve(job)? {
             // What was allocated goes back.
             self.refuses = true;
-            self.window = SequenceWindow::new(self.gpu.device(), Arc::clone(&self.shaders));
+            self.window = SequenceWindow::new(self.gpu.device(), Arc::clone(&self.kernels));
             return Ok(false);
         }
         let gpu = &self.gpu;

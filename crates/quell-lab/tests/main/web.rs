@@ -8,7 +8,7 @@ mod server;
 
 use super::browser::Browser;
 use base64::Engine;
-use quell::gpu::{Contents, Convention, Pass, SequenceShader, SequenceWavelet, Storage, debug_source, wgpu};
+use quell::gpu::{Contents, Convention, Pass, Storage, wgpu};
 use quell::{Settings, Size};
 use quell_host::manifest::{Choice, File, MANIFEST, files};
 use quell_host::{Denoiser, Gpu, Wanted};
@@ -182,20 +182,18 @@ fn shaders() -> Vec<Value> {
     let mut add = |name: String, code: String, is_built| {
         all.push(json!({ "name": name, "code": code, "is_built": is_built }));
     };
+    // What `examples/web` does not build, once; the pages of the frames build the others.
+    let of_denoiser = |pass: &Pass| pass.per_frame && !Pass::DEBUG.iter().any(|debug| debug.name == pass.name);
+    let other =
+        |pass: &Pass| !of_denoiser(pass) || pass.name.ends_with("_joint") || pass.name == Pass::COUNT_REPAIRS.name;
     for storage in [Storage::Half, Storage::Float] {
-        let is_built = storage == Storage::Half;
         for pass in Pass::all() {
             for host in [false, true] {
-                let is_built =
-                    is_built && host && (pass.name.ends_with("_joint") || pass.name == Pass::COUNT_REPAIRS.name);
+                let is_built = storage == Storage::Half && host && other(&pass);
                 add(format!("{}, {storage:?}, {host}", pass.name), pass.source(storage, host), is_built);
             }
         }
-        let debug = debug_source(storage, wgpu::TextureFormat::Rgba8Unorm);
-        add(format!("debug, {storage:?}"), debug, is_built);
     }
-    add("sequence wavelet".to_owned(), SequenceWavelet::source(), true);
-    SequenceShader::ALL.into_iter().for_each(|s| add(format!("sequence {s:?}"), s.source(), true));
     all
 }
 

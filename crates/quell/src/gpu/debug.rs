@@ -1,15 +1,18 @@
 //! Debug views: a frame's planes, and what the denoiser made of them, as pictures. Most hosts' mistakes blur or streak the
 //! result in ways that look alike; each view shows some of them plainly.
 
-use super::compute::{self, Compute, Kind};
 use super::error::Error;
-use super::kernel::check_extent;
+use super::kernel::{Kernel, check_stored, workgroups};
+use super::pass::{Binding, BindingKind, Pass, Sample};
+use super::sequence;
 use super::small::filled;
 use super::storage::{Storage, Texel};
 use super::uniform::{Value, uniforms};
 use crate::pipeline::Image;
 use crate::plane::Size;
 use glam::{IVec2, Vec3};
+
+const PASS: &str = "debug";
 
 /// What to show of the frame that was encoded last. Background is nearly black blue where a view is of surfaces.
 ///
@@ -105,11 +108,12 @@ uniforms! {
     }
 }
 
-/// The pass that draws debug views, for one storage and one format of target: made apart, so that a denoiser without it
-/// costs nothing.
+/// The passes that draw debug views of either filter, for one storage and one format of target: made apart, so that a
+/// denoiser without them costs nothing.
 #[derive(Debug)]
 pub struct DebugViews {
-    compute: Compute,
+    frame: Kernel,
+    sequence: Kernel,
     nothing: wgpu::TextureView,
     format: wgpu::TextureFormat,
 }
@@ -140,74 +144,117 @@ pub(super) struct DebugInputs<'a> {
     pub(super) size: Size,
 }
 
-fn bindings(format: wgpu::TextureFormat) -> [(&'static str, Kind); 12] {
+/// Formats of targets.
+const FORMATS: [wgpu::TextureFormat; 3] =
+    [wgpu::TextureFormat::Rgba8Unorm, wgpu::TextureFormat::Rgba16Float, wgpu::TextureFormat::Rgba32Float];
+
+const fn sampled(name: &'static str, texel: Texel) -> Binding {
+    Binding { name, kind: BindingKind::Sampled(texel) }
+}
+
+/// Of images that may be absent.
+const fn image(name: &'static str) -> Binding {
+    Binding { name, kind: BindingKind::Host(Sample::Float) }
+}
+
+/// What is drawn into, of one of [`FORMATS`].
+pub(super) const fn picture(format: usize) -> Binding {
+    Binding { name: "target_texture", kind: BindingKind::Picture(FORMATS[format]) }
+}
+
+const fn bindings(format: usize) -> [Binding; 10] {
     [
-        ("frame", Kind::Uniform("Frame")),
-        ("settings", Kind::Uniform("Settings")),
-        ("debug", Kind::Uniform("Debug")),
-        ("geometry", Kind::sampled(Texel::Geometry)),
-        ("surface", Kind::sampled(Texel::Surface)),
-        ("moving", Kind::sampled(Texel::Moving)),
-        ("geometry_before", Kind::sampled(Texel::Geometry)),
-        ("surface_before", Kind::sampled(Texel::Surface)),
-        ("image", Kind::Float),
-        ("history_length", Kind::Float),
-        ("spiral", Kind::Taps),
-        ("target_texture", Kind::Stored(format)),
+        Binding { name: "debug", kind: BindingKind::Uniform("Debug") },
+        sampled("geometry", Texel::Geometry),
+        sampled("surface", Texel::Surface),
+        sampled("moving", Texel::Moving),
+        sampled("geometry_before", Texel::Geometry),
+        sampled("surface_before", Texel::Surface),
+        image("image"),
+        image("history_length"),
+        Binding { name: "spiral", kind: BindingKind::Taps },
+        picture(format),
     ]
 }
 
-/// The shader of the debug views.
-pub fn debug_source(storage: Storage, format: wgpu::TextureFormat) -> String {
-    let pieces = [
-        include_str!("frame.wgsl"),
-        include_str!("settings.wgsl"),
-        include_str!("guides/types.wgsl"),
-        storage.wgsl(),
-        include_str!("guides/depth.wgsl"),
-        include_str!("guides/surface.wgsl"),
-        include_str!("guides/moving.wgsl"),
-        include_str!("guides/before.wgsl"),
-        include_str!("../kernels/math.wgsl"),
-        include_str!("../kernels/edge.wgsl"),
-        include_str!("../kernels/spiral.wgsl"),
-        include_str!("../kernels/reproject.wgsl"),
-        include_str!("passes/debug.wgsl"),
-    ];
-    compute::source(&bindings(format), &pieces)
+const fn pass(bindings: &'static [Binding]) -> Pass {
+    Pass {
+        name: "debug",
+        stages: &[],
+        per_frame: true,
+        entry: "show",
+        bindings,
+        pieces: &[
+            include_str!("guides/depth.wgsl"),
+            include_str!("guides/surface.wgsl"),
+            include_str!("guides/moving.wgsl"),
+            include_str!("guides/before.wgsl"),
+            include_str!("../kernels/math.wgsl"),
+            include_str!("../kernels/edge.wgsl"),
+            include_str!("../kernels/spiral.wgsl"),
+            include_str!("../kernels/reproject.wgsl"),
+            COLOURS,
+            include_str!("passes/debug.wgsl"),
+        ],
+    }
+}
+
+pub(super) const COLOURS: &str = include_str!("passes/debug_colours.wgsl");
+
+const PASSES: [Pass; 3] = [pass(&const { bindings(0) }), pass(&const { bindings(1) }), pass(&const { bindings(2) })];
+
+impl Pass {
+    /// The debug views of either filter, for targets of rgba8unorm.
+    pub const DEBUG: [Self; 2] = [PASSES[0], sequence::DEBUG_PASSES[0]];
 }
 
 impl DebugViews {
-    /// Compiles the pass. `storage`: the denoiser's; `format`: of the targets: rgba8unorm, rgba16float or rgba32float.
+    /// Compiles the passes. `storage`: the denoiser's, which does not matter to the sequence filter; `format`: of the targets:
+    /// rgba8unorm, rgba16float or rgba32float.
     ///
     /// # Errors
     /// Another format.
     pub fn new(device: &wgpu::Device, storage: Storage, format: wgpu::TextureFormat) -> Result<Self, Error> {
-        use wgpu::TextureFormat as F;
-        if !matches!(format, F::Rgba8Unorm | F::Rgba16Float | F::Rgba32Float) {
+        let passes = FORMATS.into_iter().zip(PASSES).zip(sequence::DEBUG_PASSES);
+        let Some((frame, of_sequence)) = passes.filter(|((f, _), _)| *f == format).map(|((_, a), b)| (a, b)).next()
+        else {
             let expected = "rgba8unorm, rgba16float or rgba32float";
-            return Err(Error::Format { pass: "debug", binding: "target", expected, found: format });
-        }
+            return Err(Error::Format { pass: PASS, binding: "target", expected, found: format });
+        };
         let texture = device.create_texture(&wgpu::TextureDescriptor {
             label: Some("quell debug: nothing"),
             size: wgpu::Extent3d { width: 1, height: 1, depth_or_array_layers: 1 },
             mip_level_count: 1,
             sample_count: 1,
             dimension: wgpu::TextureDimension::D2,
-            format: F::R8Unorm,
+            format: wgpu::TextureFormat::R8Unorm,
             usage: wgpu::TextureUsages::TEXTURE_BINDING,
             view_formats: &[],
         });
         Ok(Self {
-            compute: Compute::new(device, "show", &bindings(format), debug_source(storage, format)),
+            frame: Kernel::new(device, frame, storage, false),
+            sequence: Kernel::new(device, of_sequence, storage, false),
             nothing: texture.create_view(&wgpu::TextureViewDescriptor::default()),
             format,
         })
     }
 
+    /// The same with the sequence filter's pass from changed WGSL, with the same bindings and entry point: for tests that plant
+    /// a difference.
+    #[must_use]
+    pub fn with_sequence_source(mut self, device: &wgpu::Device, source: &str) -> Self {
+        self.sequence = Kernel::with_source(device, *self.sequence.pass(), Storage::Float, source);
+        self
+    }
+
     /// Stands in for an image that is not there.
     pub(super) fn nothing(&self) -> &wgpu::TextureView {
         &self.nothing
+    }
+
+    /// The pass that shows the sequence filter's buffers.
+    pub(super) fn sequence(&self) -> &Kernel {
+        &self.sequence
     }
 
     pub(super) fn encode(
@@ -218,16 +265,9 @@ impl DebugViews {
         view: DebugView,
         target: DebugTarget<'_>,
     ) -> Result<(), Error> {
-        let (pass, binding) = ("debug", "target");
-        let texture = target.view.texture();
-        if texture.format() != self.format {
-            let expected = "the format that the views were made for";
-            return Err(Error::Format { pass, binding, expected, found: texture.format() });
-        }
-        if !texture.usage().contains(wgpu::TextureUsages::STORAGE_BINDING) {
-            return Err(Error::Usage { pass, binding, usage: "STORAGE_BINDING" });
-        }
-        check_extent(pass, binding, texture, inputs.size)?;
+        let expected = "the format that the views were made for";
+        check_stored(PASS, "target", target.view.texture(), (self.format, expected), inputs.size)?;
+        let groups = workgroups(device, PASS, inputs.size)?;
         let centre = match view {
             DebugView::WeightsAround([x, y]) => {
                 let held = |v: u32, extent: usize| v.min(extent as u32 - 1) as i32;
@@ -252,7 +292,8 @@ impl DebugViews {
         let taps = inputs.taps.clone().unwrap_or(no_taps.as_entire_binding());
         let target = wgpu::BindingResource::TextureView(target.view);
         let resources = buffers.chain(views.map(wgpu::BindingResource::TextureView)).chain([taps, target]);
-        self.compute.encode(device, encoder, resources, inputs.size);
+        let group = self.frame.group(device, resources.collect());
+        self.frame.dispatch(encoder, &group, groups, None);
         Ok(())
     }
 }

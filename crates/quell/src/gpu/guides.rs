@@ -16,11 +16,11 @@ uniforms! {
 }
 
 /// Depth of background: WGSL promises nothing of infinities and NaN.
-const BACKGROUND: f32 = 0.0;
+pub(super) const BACKGROUND: f32 = 0.0;
 /// Distances from here on count as infinite.
-const FAR: f32 = 1e30;
+pub(super) const FAR: f32 = 1e30;
 /// Motion that is not known points so far off screen, in pixels.
-const UNKNOWN_MOTION: f32 = 1e9;
+pub(super) const UNKNOWN_MOTION: f32 = 1e9;
 
 /// Twin of `Guide`.
 struct Guide {
@@ -87,18 +87,23 @@ mod float {
 }
 
 /// Twin of `storage/half.wgsl`, step by step.
-mod half {
+pub(super) mod half {
     use super::{FAR, Guide, GuideTexels, put};
     use glam::{IVec2, Vec2, Vec3};
 
-    const NORMAL_STEPS: f32 = 262_143.0;
-    const NORMAL_CENTRE: i32 = 262_144;
-    const NORMAL_LOW_BITS: u32 = 3;
-    const ROUGHNESS_STEPS: f32 = 1023.0;
-    const MOTION_LEAST: f32 = 1.220_703_1e-4;
-    const MOTION_MOST: f32 = 131_072.0;
-    const CONFIDENCE_STEPS: f32 = 240.0;
-    const HALF_MAX: f32 = 65504.0;
+    /// Half the number of steps along each axis of the octahedron, 19 bits: 16 lie in `geometry`, 3 in `surface`.
+    pub(in crate::gpu) const NORMAL_STEPS: f32 = 262_143.0;
+    pub(in crate::gpu) const NORMAL_CENTRE: i32 = 262_144;
+    pub(in crate::gpu) const NORMAL_LOW_BITS: u32 = 3;
+    pub(in crate::gpu) const ROUGHNESS_STEPS: f32 = 1023.0;
+    /// Motion: sign, 5 bits of exponent, 14 of mantissa. Under `MOTION_LEAST` pixels it is 0; none is longer than
+    /// `MOTION_MOST`.
+    pub(in crate::gpu) const MOTION_LEAST: f32 = 1.220_703_1e-4;
+    pub(in crate::gpu) const MOTION_MOST: f32 = 131_072.0;
+    /// Of eight bits: so that halves, thirds, quarters, fifths and tenths come back as they were.
+    pub(in crate::gpu) const CONFIDENCE_STEPS: f32 = 240.0;
+    /// Largest finite half.
+    pub(in crate::gpu) const HALF_MAX: f32 = 65504.0;
 
     fn fold(v: Vec2) -> Vec2 {
         (1.0 - Vec2::new(v.y, v.x).abs()) * Vec2::select(v.cmpge(Vec2::ZERO), Vec2::ONE, -Vec2::ONE)

@@ -5,9 +5,6 @@ fn is_finite(v: f32) -> bool {
     return (bitcast<u32>(v) & 0x7f800000u) != 0x7f800000u;
 }
 
-// Colours beyond it would overflow where stages square and add them up.
-const COLOUR_LIMIT: f32 = 1e15;
-
 // A colour as the host's texture holds it: what is not finite counts as 0, negative values are kept.
 fn input_colour(texel: vec4f) -> vec3f {
     let finite = (bitcast<vec3u>(texel.xyz) & vec3u(0x7f800000u)) != vec3u(0x7f800000u);

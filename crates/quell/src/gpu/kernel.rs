@@ -1,10 +1,10 @@
 //! A pass made ready for a device, and encoded into the caller's encoder.
 
-use super::compute::compiled;
 use super::error::Error;
-use super::pass::{BindingKind, FIRST_BINDING, Pass, WORKGROUP};
+use super::pass::{Binding, BindingKind, Pass, Sample, WORKGROUP};
 use super::storage::Storage;
 use crate::plane::Size;
+use std::num::NonZeroU64;
 
 /// A compiled pass.
 #[derive(Clone, Debug)]
@@ -19,7 +19,8 @@ pub struct Kernel {
 /// What is bound to a pass.
 #[derive(Clone, Copy, Debug)]
 pub enum Bindable<'a> {
-    /// To [`BindingKind::Sampled`], [`BindingKind::Stored`] and [`BindingKind::Host`].
+    /// To [`BindingKind::Sampled`], [`BindingKind::Stored`], [`BindingKind::Host`], [`BindingKind::Frames`] and
+    /// [`BindingKind::Picture`].
     Plane(&'a wgpu::TextureView),
     /// To [`BindingKind::Taps`].
     Taps(&'a wgpu::Buffer),
@@ -27,24 +28,59 @@ pub enum Bindable<'a> {
     Counts(&'a wgpu::Buffer),
     /// To [`BindingKind::Uniform`].
     Uniform(&'a wgpu::Buffer),
+    /// To [`BindingKind::Read`] and [`BindingKind::Write`].
+    Buffer(&'a wgpu::Buffer),
 }
 
 impl<'a> Bindable<'a> {
-    fn resource(self) -> wgpu::BindingResource<'a> {
+    /// For images of `size`. Of a buffer as much as the picture needs: the device limits what is bound.
+    fn resource(self, kind: BindingKind, size: Size) -> wgpu::BindingResource<'a> {
         match self {
             Self::Plane(view) => wgpu::BindingResource::TextureView(view),
             Self::Taps(buffer) | Self::Counts(buffer) | Self::Uniform(buffer) => buffer.as_entire_binding(),
+            Self::Buffer(buffer) => match plane_bytes(kind, size) {
+                None => buffer.as_entire_binding(),
+                Some(bytes) => wgpu::BindingResource::Buffer(wgpu::BufferBinding {
+                    buffer,
+                    offset: 0,
+                    size: NonZeroU64::new(bytes),
+                }),
+            },
         }
+    }
+}
+
+/// Bytes of a plane in a storage buffer.
+fn plane_bytes(kind: BindingKind, size: Size) -> Option<u64> {
+    match kind {
+        BindingKind::Read(element) | BindingKind::Write(element) => {
+            element.bytes().map(|bytes| bytes.saturating_mul(size.pixels() as u64))
+        }
+        _ => None,
     }
 }
 
 /// Uniform buffers that hold the bytes of [`super::FrameUniforms`] and [`super::SettingsUniforms`].
 #[derive(Clone, Copy, Debug)]
-pub struct Told<'a> {
+pub struct PerFrameUniforms<'a> {
     /// The frame.
     pub frame: &'a wgpu::Buffer,
     /// The settings.
     pub settings: &'a wgpu::Buffer,
+}
+
+/// A dispatch that was checked, with what it binds.
+#[derive(Debug)]
+pub(super) struct Ready<'k> {
+    kernel: &'k Kernel,
+    group: wgpu::BindGroup,
+    groups: [u32; 2],
+}
+
+impl Ready<'_> {
+    pub(super) fn encode(&self, encoder: &mut wgpu::CommandEncoder) {
+        self.kernel.dispatch(encoder, &self.group, self.groups, None);
+    }
 }
 
 impl Kernel {
@@ -55,59 +91,82 @@ impl Kernel {
 
     /// Likewise from changed WGSL with the same bindings and entry point: for tests that plant a difference.
     pub fn with_source(device: &wgpu::Device, pass: Pass, storage: Storage, source: &str) -> Self {
-        let label = format!("quell {}", pass.name);
-        let entry = |binding, ty| wgpu::BindGroupLayoutEntry {
+        let name = format!("quell {}", pass.name);
+        let label = Some(name.as_str());
+        let uniform = wgpu::BindingType::Buffer {
+            ty: wgpu::BufferBindingType::Uniform,
+            has_dynamic_offset: false,
+            min_binding_size: None,
+        };
+        let uniforms = (0..pass.first_binding()).map(|_| uniform);
+        let types = uniforms.chain(pass.bindings.iter().map(|binding| binding_type(binding.kind, storage)));
+        let entry = |(binding, ty)| wgpu::BindGroupLayoutEntry {
             binding,
             visibility: wgpu::ShaderStages::COMPUTE,
             ty,
             count: None,
         };
-        let buffer = |ty| wgpu::BindingType::Buffer { ty, has_dynamic_offset: false, min_binding_size: None };
-        let uniforms = (0..FIRST_BINDING).map(|i| entry(i, buffer(wgpu::BufferBindingType::Uniform)));
-        let rest = (FIRST_BINDING..).zip(pass.bindings).map(|(i, b)| {
-            let view_dimension = wgpu::TextureViewDimension::D2;
-            let sampled = |sample_type| wgpu::BindingType::Texture { sample_type, view_dimension, multisampled: false };
-            let ty = match b.kind {
-                BindingKind::Sampled(texel) => sampled(texel.sample_type()),
-                BindingKind::Host(sample) => sampled(sample.sample_type()),
-                BindingKind::Stored(texel) => wgpu::BindingType::StorageTexture {
-                    access: wgpu::StorageTextureAccess::WriteOnly,
-                    format: texel.format(storage),
-                    view_dimension,
-                },
-                BindingKind::Taps => buffer(wgpu::BufferBindingType::Storage { read_only: true }),
-                BindingKind::Counts(_) => buffer(wgpu::BufferBindingType::Storage { read_only: false }),
-                BindingKind::Uniform(_) => buffer(wgpu::BufferBindingType::Uniform),
-            };
-            entry(i, ty)
+        let entries: Vec<_> = (0..).zip(types).map(entry).collect();
+        let source = wgpu::ShaderSource::Wgsl(source.into());
+        let module = device.create_shader_module(wgpu::ShaderModuleDescriptor { label, source });
+        let layout = device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor { label, entries: &entries });
+        let pipeline_layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
+            label,
+            bind_group_layouts: &[Some(&layout)],
+            immediate_size: 0,
         });
-        let entries: Vec<_> = uniforms.chain(rest).collect();
-        let (layout, [pipeline]) = compiled(device, &label, [pass.entry], source, &entries);
-        Self { pass, storage, label, layout, pipeline }
+        let pipeline = device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+            label,
+            layout: Some(&pipeline_layout),
+            module: &module,
+            entry_point: Some(pass.entry),
+            compilation_options: wgpu::PipelineCompilationOptions::default(),
+            cache: None,
+        });
+        Self { pass, storage, label: name, layout, pipeline }
     }
 
-    /// Appends the pass over images of `size` to the caller's encoder; submits nothing. `bound` are the resources of
-    /// [`Pass::bindings`], in that order; a plane that is written must not be bound twice.
+    /// What it runs.
+    pub(super) fn pass(&self) -> &Pass {
+        &self.pass
+    }
+
+    /// Appends the pass over images of `size` to the caller's encoder; submits nothing. `uniforms`: those of a pass that is
+    /// [`Pass::per_frame`]. `bound` are the resources of [`Pass::bindings`], in that order; a plane that is written must not
+    /// be bound twice.
     ///
     /// # Errors
     /// A resource too many or too few, of another kind, too small, of another format or without its usage; a size beyond
     /// the device's limits.
-    pub fn encode(
+    pub fn encode<'a>(
         &self,
         device: &wgpu::Device,
         encoder: &mut wgpu::CommandEncoder,
-        told: Told<'_>,
-        bound: &[Bindable<'_>],
+        uniforms: impl Into<Option<PerFrameUniforms<'a>>>,
+        bound: &[Bindable<'a>],
         size: Size,
     ) -> Result<(), Error> {
-        let groups = self.check(device, told, bound, size)?;
-        let told = [told.frame, told.settings].map(wgpu::Buffer::as_entire_binding).into_iter();
-        let group = self.group(device, told.chain(bound.iter().map(|b| b.resource())).collect());
-        self.dispatch(encoder, &group, groups, None);
+        self.ready(device, uniforms, bound, size)?.encode(encoder);
         Ok(())
     }
 
-    /// The resources as the pass binds them: frame, settings, then those of [`Pass::bindings`].
+    /// [`Kernel::encode`], checked and ready for an encoder.
+    pub(super) fn ready<'a>(
+        &self,
+        device: &wgpu::Device,
+        uniforms: impl Into<Option<PerFrameUniforms<'a>>>,
+        bound: &[Bindable<'a>],
+        size: Size,
+    ) -> Result<Ready<'_>, Error> {
+        let uniforms = uniforms.into().filter(|_| self.pass.per_frame);
+        let groups = self.check(device, uniforms, bound, size)?;
+        let uniforms = uniforms.into_iter().flat_map(|u| [u.frame, u.settings]).map(wgpu::Buffer::as_entire_binding);
+        let bound = self.pass.bindings.iter().zip(bound).map(|(binding, b)| b.resource(binding.kind, size));
+        let group = self.group(device, uniforms.chain(bound).collect());
+        Ok(Ready { kernel: self, group, groups })
+    }
+
+    /// The resources as the pass binds them: frame and settings where it is per frame, then those of [`Pass::bindings`].
     pub(super) fn group(&self, device: &wgpu::Device, resources: Vec<wgpu::BindingResource<'_>>) -> wgpu::BindGroup {
         let entries: Vec<_> =
             (0..).zip(resources).map(|(binding, resource)| wgpu::BindGroupEntry { binding, resource }).collect();
@@ -133,7 +192,7 @@ impl Kernel {
     fn check(
         &self,
         device: &wgpu::Device,
-        told: Told<'_>,
+        uniforms: Option<PerFrameUniforms<'_>>,
         bound: &[Bindable<'_>],
         size: Size,
     ) -> Result<[u32; 2], Error> {
@@ -143,55 +202,129 @@ impl Kernel {
             let expected = self.pass.bindings.len();
             return Err(Error::Count { pass, expected, found: bound.len() });
         }
-        for (binding, uniform) in [("frame", told.frame), ("settings", told.settings)] {
-            if !uniform.usage().contains(wgpu::BufferUsages::UNIFORM) {
-                return Err(Error::Usage { pass, binding, usage: "UNIFORM" });
-            }
+        if self.pass.per_frame && uniforms.is_none() {
+            return Err(Error::Kind { pass, binding: "frame", expected: "a uniform buffer" });
+        }
+        for (name, uniform) in uniforms.iter().flat_map(|u| [("frame", u.frame), ("settings", u.settings)]) {
+            check_usage(pass, name, uniform, wgpu::BufferUsages::UNIFORM)?;
         }
         for (binding, given) in self.pass.bindings.iter().zip(bound) {
-            let name = binding.name;
-            match (binding.kind, given) {
-                (BindingKind::Taps, Bindable::Taps(buffer)) | (BindingKind::Counts(_), Bindable::Counts(buffer)) => {
-                    if !buffer.usage().contains(wgpu::BufferUsages::STORAGE) {
-                        return Err(Error::Usage { pass, binding: name, usage: "STORAGE" });
-                    }
-                }
-                (BindingKind::Uniform(_), Bindable::Uniform(buffer)) => {
-                    if !buffer.usage().contains(wgpu::BufferUsages::UNIFORM) {
-                        return Err(Error::Usage { pass, binding: name, usage: "UNIFORM" });
-                    }
-                }
-                // The extent is whoever's that binds it: what stands in has one texel.
-                (BindingKind::Host(sample), Bindable::Plane(view)) => {
-                    check_sampled(pass, name, view, sample.sample_type(), Size::new(1, 1))?;
-                }
-                (BindingKind::Sampled(texel), Bindable::Plane(view)) => {
-                    check_sampled(pass, name, view, texel.sample_type(), size)?;
-                }
-                (BindingKind::Stored(texel), Bindable::Plane(view)) => {
-                    let (texture, format) = (view.texture(), texel.format(self.storage));
-                    if texture.format() != format {
-                        let (expected, found) = (texel.format_name(self.storage), texture.format());
-                        return Err(Error::Format { pass, binding: name, expected, found });
-                    }
-                    if !texture.usage().contains(wgpu::TextureUsages::STORAGE_BINDING) {
-                        return Err(Error::Usage { pass, binding: name, usage: "STORAGE_BINDING" });
-                    }
-                    check_extent(pass, name, texture, size)?;
-                }
-                (kind, _) => {
-                    let expected = match kind {
-                        BindingKind::Taps => "a buffer of taps",
-                        BindingKind::Counts(_) => "a buffer of counts",
-                        BindingKind::Uniform(_) => "a uniform buffer",
-                        _ => "a texture",
-                    };
-                    return Err(Error::Kind { pass, binding: name, expected });
-                }
-            }
+            self.check_bound(device, binding, given, size)?;
         }
         Ok(groups)
     }
+
+    fn check_bound(
+        &self,
+        device: &wgpu::Device,
+        binding: &Binding,
+        given: &Bindable<'_>,
+        size: Size,
+    ) -> Result<(), Error> {
+        let (pass, name) = (self.pass.name, binding.name);
+        // Of these the extent is whoever's that binds it: what stands in has one texel.
+        let any = Size::new(1, 1);
+        match (binding.kind, given) {
+            (BindingKind::Taps, Bindable::Taps(buffer)) | (BindingKind::Counts(_), Bindable::Counts(buffer)) => {
+                check_usage(pass, name, buffer, wgpu::BufferUsages::STORAGE)
+            }
+            (BindingKind::Uniform(_), Bindable::Uniform(buffer)) => {
+                check_usage(pass, name, buffer, wgpu::BufferUsages::UNIFORM)
+            }
+            (kind @ (BindingKind::Read(_) | BindingKind::Write(_)), Bindable::Buffer(buffer)) => {
+                check_usage(pass, name, buffer, wgpu::BufferUsages::STORAGE)?;
+                let (needed, found) = (plane_bytes(kind, size).unwrap_or(0), buffer.size());
+                if needed > device.limits().max_storage_buffer_binding_size {
+                    return Err(Error::Size { pass, size, limit: "max_storage_buffer_binding_size" });
+                }
+                if found < needed {
+                    return Err(Error::BufferSize { pass, binding: name, size, needed, found });
+                }
+                Ok(())
+            }
+            (BindingKind::Host(sample), Bindable::Plane(view)) => {
+                check_sampled(pass, name, view, sample.sample_type(), any)
+            }
+            (BindingKind::Frames, Bindable::Plane(view)) => {
+                check_sampled(pass, name, view, Sample::Float.sample_type(), any)
+            }
+            (BindingKind::Sampled(texel), Bindable::Plane(view)) => {
+                check_sampled(pass, name, view, texel.sample_type(), size)
+            }
+            (BindingKind::Stored(texel), Bindable::Plane(view)) => {
+                let (format, expected) = (texel.format(self.storage), texel.format_name(self.storage));
+                check_stored(pass, name, view.texture(), (format, expected), size)
+            }
+            (BindingKind::Picture(format), Bindable::Plane(view)) => {
+                let expected = "the format that the views were made for";
+                check_stored(pass, name, view.texture(), (format, expected), size)
+            }
+            (kind, _) => {
+                let expected = match kind {
+                    BindingKind::Taps => "a buffer of taps",
+                    BindingKind::Counts(_) => "a buffer of counts",
+                    BindingKind::Uniform(_) => "a uniform buffer",
+                    BindingKind::Read(_) | BindingKind::Write(_) => "a storage buffer",
+                    _ => "a texture",
+                };
+                Err(Error::Kind { pass, binding: name, expected })
+            }
+        }
+    }
+}
+
+/// How the device is told of a binding.
+fn binding_type(kind: BindingKind, storage: Storage) -> wgpu::BindingType {
+    use wgpu::BufferBindingType as Buffer;
+    use wgpu::TextureViewDimension as Dimension;
+    let buffer = |ty| wgpu::BindingType::Buffer { ty, has_dynamic_offset: false, min_binding_size: None };
+    let sampled =
+        |sample_type, view_dimension| wgpu::BindingType::Texture { sample_type, view_dimension, multisampled: false };
+    let stored = |format| wgpu::BindingType::StorageTexture {
+        access: wgpu::StorageTextureAccess::WriteOnly,
+        format,
+        view_dimension: Dimension::D2,
+    };
+    match kind {
+        BindingKind::Sampled(texel) => sampled(texel.sample_type(), Dimension::D2),
+        BindingKind::Host(sample) => sampled(sample.sample_type(), Dimension::D2),
+        BindingKind::Frames => sampled(Sample::Float.sample_type(), Dimension::D2Array),
+        BindingKind::Stored(texel) => stored(texel.format(storage)),
+        BindingKind::Picture(format) => stored(format),
+        BindingKind::Taps | BindingKind::Read(_) => buffer(Buffer::Storage { read_only: true }),
+        BindingKind::Counts(_) | BindingKind::Write(_) => buffer(Buffer::Storage { read_only: false }),
+        BindingKind::Uniform(_) => buffer(Buffer::Uniform),
+    }
+}
+
+fn check_usage(
+    pass: &'static str,
+    binding: &'static str,
+    buffer: &wgpu::Buffer,
+    usage: wgpu::BufferUsages,
+) -> Result<(), Error> {
+    if buffer.usage().contains(usage) {
+        return Ok(());
+    }
+    let usage = if usage == wgpu::BufferUsages::UNIFORM { "UNIFORM" } else { "STORAGE" };
+    Err(Error::Usage { pass, binding, usage })
+}
+
+/// A texture that a shader writes: the format, and how an error names it.
+pub(super) fn check_stored(
+    pass: &'static str,
+    binding: &'static str,
+    texture: &wgpu::Texture,
+    (format, expected): (wgpu::TextureFormat, &'static str),
+    size: Size,
+) -> Result<(), Error> {
+    if texture.format() != format {
+        return Err(Error::Format { pass, binding, expected, found: texture.format() });
+    }
+    if !texture.usage().contains(wgpu::TextureUsages::STORAGE_BINDING) {
+        return Err(Error::Usage { pass, binding, usage: "STORAGE_BINDING" });
+    }
+    check_extent(pass, binding, texture, size)
 }
 
 /// Workgroups along each axis.

@@ -9,7 +9,8 @@
 //! ([`Pass::PREPARE`]) makes guides of them that every stage may trust; colours are repaired wherever they are loaded, without a
 //! copy. [`DebugViews`] shows what a frame holds, and what the usual mistakes look like.
 //!
-//! Single passes, for bisecting and tests: [`Pass`], [`Kernel`], told by [`FrameUniforms`], [`SettingsUniforms`], [`PrepareUniforms`].
+//! Single passes, for bisecting and tests: [`Pass`], [`Kernel`], with [`FrameUniforms`], [`SettingsUniforms`], [`PrepareUniforms`]. The sequence
+//! filter's frames on the device: [`SequenceWindow`].
 //!
 //! ```no_run
 //! # use quell::gpu::{self, wgpu};
@@ -43,7 +44,7 @@
 //! feature and no limit beyond WebGPU's defaults.
 
 mod builder;
-mod compute;
+mod constants;
 mod convention;
 mod debug;
 mod denoiser;
@@ -62,39 +63,37 @@ mod planes;
 mod program;
 mod repairs;
 mod sequence;
-mod sequence_shaders;
-mod sequence_window;
 mod share;
 mod slot;
 mod small;
 mod storage;
+mod taps;
 mod tile;
 mod timing;
-mod told;
 mod uniform;
 mod uniforms;
 
 pub use convention::{Convention, DepthKind, MotionUnit, NormalEncoding, NormalSpace, PrepareUniforms, RoughnessKind};
-pub use debug::{DebugTarget, DebugView, DebugViews, debug_source};
+pub use debug::{DebugTarget, DebugView, DebugViews};
 pub use denoiser::Denoiser;
 pub use error::Error;
 pub use frame::{Frame, Guides, JointPlane, Output, PackedGuides, Signal, Targets};
 pub use guides::{GuideTexels, pack_guides, pack_spiral};
 pub use inputs::{Channel, GuidePlane, GuideTextures, Scalar};
-pub use kernel::{Bindable, Kernel, Told};
+pub use kernel::{Bindable, Kernel, PerFrameUniforms};
 pub use options::Options;
 pub use pack::{PackedFrame, PackedSignal, unpack_colours, unpack_fourth, unpack_numbers};
-pub use pass::{Binding, BindingKind, FIRST_BINDING, Pass, Sample, WORKGROUP};
+pub use pass::{Binding, BindingKind, Element, FIRST_BINDING, Pass, Sample, WORKGROUP};
 pub use program::{Bound, Contents, Dispatch, Holds, Memory, Program, Resource, Role, Shown, SignalContents};
 pub use repairs::Repairs;
-pub use sequence::{Band, SequenceWavelet, WaveletBuffers};
-pub use sequence_shaders::{SequenceBinding, SequenceShader, SequenceShaders};
-pub use sequence_window::{Estimated, SequenceStage, SequenceWindow};
+pub use sequence::{
+    Band, Estimated, SequenceKernels, SequenceStage, SequenceView, SequenceWavelet, SequenceWindow, WaveletBuffers,
+};
 pub use slot::Slot;
 pub use storage::{Storage, Texel};
+pub use taps::{TAP_FRAMES, pack_taps};
 pub use tile::{Area, Tile, reach_px};
 pub use timing::Timing;
-pub use told::{TAP_FRAMES, pack_taps};
 pub use uniform::{Member, Uniform};
 pub use uniforms::{FrameUniforms, SettingsUniforms, layouts};
 

@@ -1,6 +1,9 @@
 //! What a pass is, and how its shader is put together from its bindings and its pieces of WGSL.
 
+use super::constants;
 use super::storage::{Storage, Texel};
+use super::uniform::Uniform;
+use super::uniforms::layouts;
 use crate::pipeline::Stage;
 
 /// What a binding is.
@@ -18,6 +21,49 @@ pub enum BindingKind {
     Counts(u32),
     /// A uniform buffer that holds the struct of this name ([`super::layouts`]).
     Uniform(&'static str),
+    /// An array of textures of floats, a layer for each frame of a window. Something else may be bound where a pass does not
+    /// read it.
+    Frames,
+    /// A storage buffer that is read.
+    Read(Element),
+    /// A storage buffer that is written, and read where the pass adds to it.
+    Write(Element),
+    /// A storage texture of this format that is written: a picture to look at.
+    Picture(wgpu::TextureFormat),
+}
+
+/// What a storage buffer is an array of.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Element {
+    /// Four 32-bit floats a pixel: a colour or a guide.
+    Four,
+    /// Two 32-bit floats a pixel.
+    Two,
+    /// A 32-bit float a pixel.
+    One,
+    /// Structs of this name ([`super::layouts`]), as many as the caller has.
+    Struct(&'static str),
+}
+
+impl Element {
+    /// Bytes of a pixel; `None`: its number is not the picture's.
+    pub const fn bytes(self) -> Option<u64> {
+        match self {
+            Self::Four => Some(16),
+            Self::Two => Some(8),
+            Self::One => Some(4),
+            Self::Struct(_) => None,
+        }
+    }
+
+    const fn declared(self) -> &'static str {
+        match self {
+            Self::Four => "vec4f",
+            Self::Two => "vec2f",
+            Self::One => "f32",
+            Self::Struct(name) => name,
+        }
+    }
 }
 
 /// How a shader reads a texture of the host's.
@@ -58,8 +104,7 @@ impl Sample {
     }
 }
 
-/// A resource of a pass. Its binding number is its place in the pass's list plus 2: 0 and 1 are the uniforms `frame` and
-/// `settings`. All lie in group 0.
+/// A resource of a pass. Its binding number is its place in the pass's list plus [`Pass::first_binding`]. All lie in group 0.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Binding {
     /// Its name in WGSL.
@@ -68,23 +113,25 @@ pub struct Binding {
     pub kind: BindingKind,
 }
 
-/// A pass: one dispatch over the whole image that runs one stage, several fused, or the border.
+/// A pass: one dispatch over the whole image that runs a stage of either filter, several fused, the border, or debug views.
 #[derive(Clone, Copy, Debug)]
 pub struct Pass {
     /// The stage's name; of fused ones joined by `+`.
     pub name: &'static str,
-    /// Which stages it runs, in order; the border's passes run none.
+    /// Which stages of the real-time filter it runs, in order.
     pub stages: &'static [Stage],
+    /// Whether bindings 0 and 1 are the per-frame uniforms `frame` and `settings` of the real-time filter.
+    pub per_frame: bool,
     /// Its entry point.
     pub entry: &'static str,
-    /// What it binds, from binding 2 on.
+    /// What it binds, from [`Pass::first_binding`] on.
     pub bindings: &'static [Binding],
     pub(super) pieces: &'static [&'static str],
 }
 
 /// Pixels along each side that one workgroup covers.
 pub const WORKGROUP: u32 = 8;
-/// Binding of the first resource after the uniforms.
+/// Binding of the first resource after the per-frame uniforms.
 pub const FIRST_BINDING: u32 = 2;
 
 const FRAME: &str = include_str!("frame.wgsl");
@@ -97,11 +144,45 @@ impl Pass {
     /// filters comes from the host as it is, so that its colours are repaired when they are loaded; it matters to stages
     /// that can come first, 4, 6, 7, 9 and 10 (3, 8, 11 and the sum always repair).
     pub fn source(&self, storage: Storage, host_input: bool) -> String {
-        let mut source = String::from(
-            "// What every pass is told.\n@group(0) @binding(0) var<uniform> frame: Frame;\n\
-             @group(0) @binding(1) var<uniform> settings: Settings;\n",
-        );
-        for (number, binding) in (FIRST_BINDING..).zip(self.bindings) {
+        let mut body = String::new();
+        let shared = [FRAME, SETTINGS, INPUT_COLOUR, GUIDES_TYPES, storage.wgsl()];
+        for piece in shared.iter().filter(|_| self.per_frame).chain(self.pieces) {
+            body.push('\n');
+            body += piece;
+        }
+        let mut source = self.declarations(storage);
+        if !self.stages.is_empty() {
+            source += &first_colour(host_input);
+        }
+        let constants = constants::declared(&body);
+        if !constants.is_empty() {
+            source += "\n// Constants of the Rust side.\n";
+            source += &constants;
+        }
+        source + &body
+    }
+
+    /// Binding of the first of [`Pass::bindings`].
+    pub const fn first_binding(&self) -> u32 {
+        if self.per_frame { FIRST_BINDING } else { 0 }
+    }
+
+    /// Of its bindings, and of the structs that no piece declares.
+    fn declarations(&self, storage: Storage) -> String {
+        let mut source = String::new();
+        if self.per_frame {
+            source += "// Per-frame uniforms.\n@group(0) @binding(0) var<uniform> frame: Frame;\n\
+                       @group(0) @binding(1) var<uniform> settings: Settings;\n";
+        } else {
+            let structs = self.bindings.iter().filter_map(|binding| match binding.kind {
+                BindingKind::Uniform(name) | BindingKind::Read(Element::Struct(name)) => Some(name),
+                _ => None,
+            });
+            for name in structs {
+                source.extend(layouts().iter().filter(|layout| layout.name == name).map(Uniform::declared));
+            }
+        }
+        for (number, binding) in (self.first_binding()..).zip(self.bindings) {
             let name = binding.name;
             let (space, ty) = match binding.kind {
                 BindingKind::Sampled(texel) => ("", format!("texture_2d<{}>", texel.component())),
@@ -112,16 +193,14 @@ impl Pass {
                 BindingKind::Taps => ("<storage, read>", "array<SpiralTap>".to_owned()),
                 BindingKind::Counts(count) => ("<storage, read_write>", format!("array<atomic<u32>, {count}>")),
                 BindingKind::Uniform(name) => ("<uniform>", name.to_owned()),
+                BindingKind::Frames => ("", "texture_2d_array<f32>".to_owned()),
+                BindingKind::Read(element) => ("<storage, read>", format!("array<{}>", element.declared())),
+                BindingKind::Write(element) => ("<storage, read_write>", format!("array<{}>", element.declared())),
+                BindingKind::Picture(format) => {
+                    ("", format!("texture_storage_2d<{}, write>", format!("{format:?}").to_lowercase()))
+                }
             };
             source += &format!("@group(0) @binding({number}) var{space} {name}: {ty};\n");
-        }
-        if !self.stages.is_empty() {
-            source += &first_colour(host_input);
-        }
-        let shared = [FRAME, SETTINGS, INPUT_COLOUR, GUIDES_TYPES, storage.wgsl()];
-        for piece in shared.iter().chain(self.pieces) {
-            source.push('\n');
-            source += piece;
         }
         source
     }

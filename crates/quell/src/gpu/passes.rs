@@ -110,6 +110,7 @@ impl Pass {
     pub const PREPARE: Self = Self {
         name: "prepare",
         stages: &[],
+        per_frame: true,
         entry: "prepare_guides",
         bindings: &[
             Binding { name: "prepare", kind: BindingKind::Uniform("Prepare") },
@@ -132,6 +133,7 @@ impl Pass {
     pub const COUNT_REPAIRS: Self = Self {
         name: "count_repairs",
         stages: &[],
+        per_frame: true,
         entry: "count_colours",
         bindings: &[
             REPAIRS,
@@ -149,6 +151,7 @@ impl Pass {
     pub const MATTE_TEMPORAL: Self = Self {
         name: "matte_temporal",
         stages: &[Stage::MatteTemporal],
+        per_frame: true,
         entry: "accumulate_matte",
         bindings: TEMPORAL_BINDINGS,
         pieces: &[
@@ -169,6 +172,7 @@ impl Pass {
     pub const MATTE_PREFILTER: Self = Self {
         name: "matte_prefilter",
         stages: &[Stage::MattePrefilter],
+        per_frame: true,
         entry: "matte_prefilter",
         bindings: SPARSE_BINDINGS,
         pieces: SPARSE_BILATERAL,
@@ -177,6 +181,7 @@ impl Pass {
     pub const DISOCCLUSION: Self = Self {
         name: "disocclusion",
         stages: &[Stage::Disocclusion],
+        per_frame: true,
         entry: "blend",
         bindings: &[colour("temporal"), colour("prefiltered"), written("blended"), written("floored")],
         pieces: &[MATH, DISOCCLUSION, DISTRUST, include_str!("passes/disocclusion.wgsl")],
@@ -185,6 +190,7 @@ impl Pass {
     pub const FIREFLY: Self = Self {
         name: "firefly",
         stages: &[Stage::Firefly],
+        per_frame: true,
         entry: "suppress",
         bindings: &[GEOMETRY, colour("input"), written("output")],
         pieces: &[GUIDES, MATH, FIREFLY, include_str!("passes/firefly.wgsl")],
@@ -193,6 +199,7 @@ impl Pass {
     pub const MATTE_BILATERAL: Self = Self {
         name: "matte_bilateral",
         stages: &[Stage::MatteBilateral],
+        per_frame: true,
         entry: "matte_bilateral",
         bindings: SPARSE_BINDINGS,
         pieces: SPARSE_BILATERAL,
@@ -201,6 +208,7 @@ impl Pass {
     pub const GLOSSY_TEMPORAL: Self = Self {
         name: "glossy_temporal",
         stages: &[Stage::GlossyTemporal],
+        per_frame: true,
         entry: "accumulate_glossy",
         bindings: TEMPORAL_BINDINGS,
         pieces: &[
@@ -222,6 +230,7 @@ impl Pass {
     pub const GLOSSY_HORIZONTAL: Self = Self {
         name: "glossy_bilateral_h",
         stages: &[Stage::GlossyHorizontal],
+        per_frame: true,
         entry: "horizontal",
         bindings: GLOSSY_BINDINGS,
         pieces: GLOSSY_BILATERAL,
@@ -230,6 +239,7 @@ impl Pass {
     pub const GLOSSY_VERTICAL: Self = Self {
         name: "glossy_bilateral_v",
         stages: &[Stage::GlossyVertical],
+        per_frame: true,
         entry: "vertical",
         bindings: GLOSSY_BINDINGS,
         pieces: GLOSSY_BILATERAL,
@@ -238,6 +248,7 @@ impl Pass {
     pub const DIRECT_TAA: Self = Self {
         name: "direct_taa",
         stages: &[Stage::DirectTaa],
+        per_frame: true,
         entry: "antialias",
         bindings: &[GEOMETRY, MOVING, colour("input"), colour("history"), written("output")],
         pieces: &[
@@ -253,6 +264,7 @@ impl Pass {
     pub const COMPOSITE: Self = Self {
         name: "composite",
         stages: &[Stage::Composite],
+        per_frame: true,
         entry: "composite",
         bindings: &[
             colour("direct"),
@@ -270,6 +282,7 @@ impl Pass {
     pub const TEMPORAL: Self = Self {
         name: "matte_temporal+glossy_temporal",
         stages: &[Stage::MatteTemporal, Stage::GlossyTemporal],
+        per_frame: true,
         entry: "accumulate_both",
         bindings: &[
             GEOMETRY,
@@ -308,6 +321,7 @@ impl Pass {
     pub const DISOCCLUSION_FIREFLY: Self = Self {
         name: "disocclusion+firefly",
         stages: &[Stage::Disocclusion, Stage::Firefly],
+        per_frame: true,
         entry: "blend_and_suppress",
         bindings: &[colour("temporal"), colour("prefiltered"), written("floored"), written("output")],
         pieces: &[MATH, DISOCCLUSION, FIREFLY, DISTRUST, include_str!("passes/disocclusion_firefly.wgsl")],
@@ -317,6 +331,7 @@ impl Pass {
     pub const MATTE_TEMPORAL_JOINT: Self = Self {
         name: "matte_temporal_joint",
         stages: &[Stage::MatteTemporal],
+        per_frame: true,
         entry: "accumulate_matte_joint",
         bindings: TEMPORAL_JOINT_BINDINGS,
         pieces: &[
@@ -338,6 +353,7 @@ impl Pass {
     pub const FIREFLY_JOINT: Self = Self {
         name: "firefly_joint",
         stages: &[Stage::Firefly],
+        per_frame: true,
         entry: "suppress_joint",
         bindings: &[GEOMETRY, colour("input"), colour("pass_input"), written("output")],
         pieces: &[GUIDES, MATH, FIREFLY, include_str!("passes/firefly_joint.wgsl")],
@@ -346,6 +362,7 @@ impl Pass {
     pub const GLOSSY_TEMPORAL_JOINT: Self = Self {
         name: "glossy_temporal_joint",
         stages: &[Stage::GlossyTemporal],
+        per_frame: true,
         entry: "accumulate_glossy_joint",
         bindings: TEMPORAL_JOINT_BINDINGS,
         pieces: &[
@@ -387,9 +404,10 @@ impl Pass {
     /// What comes before the stages.
     pub const BORDER: [Self; 2] = [Self::PREPARE, Self::COUNT_REPAIRS];
 
-    /// All passes.
+    /// All passes of both filters, and the debug views.
     pub fn all() -> impl Iterator<Item = Self> {
-        Self::BORDER.into_iter().chain(Self::SINGLE).chain(Self::FUSED).chain(Self::JOINT)
+        let real_time = Self::BORDER.into_iter().chain(Self::SINGLE).chain(Self::FUSED).chain(Self::JOINT);
+        real_time.chain(Self::SEQUENCE).chain(Self::DEBUG)
     }
 
     /// The pass that runs one stage alone.

@@ -1,6 +1,6 @@
 //! Structs as WGSL lays them out in memory. Each is declared once here and once in WGSL; a test compares the two.
 
-use glam::{IVec2, UVec2, Vec2, Vec3, Vec4};
+use glam::{IVec2, UVec2, UVec4, Vec2, Vec3, Vec4};
 
 /// A member of a struct as the shader finds it.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -22,6 +22,18 @@ pub struct Uniform {
     pub size: usize,
     /// Members in order.
     pub members: Vec<Member>,
+}
+
+impl Uniform {
+    /// The struct in WGSL.
+    pub(super) fn declared(&self) -> String {
+        let mut members = String::new();
+        for (i, member) in self.members.iter().enumerate() {
+            let align = if i == 0 { "@align(16) " } else { "" };
+            members += &format!("    {align}{}: {},\n", member.name, member.ty);
+        }
+        format!("struct {} {{\n{members}}}\n\n", self.name)
+    }
 }
 
 /// A value with WGSL's alignment and size.
@@ -56,6 +68,7 @@ scalars! {
     IVec2 as "vec2i": 8, 8, |v| v.to_array();
     Vec3 as "vec3f": 16, 12, |v| v.to_array();
     Vec4 as "vec4f": 16, 16, |v| v.to_array();
+    UVec4 as "vec4u": 16, 16, |v| v.to_array();
 }
 
 impl Value for [Vec3; 3] {

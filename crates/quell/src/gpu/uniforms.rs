@@ -151,7 +151,7 @@ uniforms! {
 
 /// The layout of every struct that shaders read.
 pub fn layouts() -> Vec<Uniform> {
-    vec![
+    let mut all = vec![
         View::layout(),
         FrameUniforms::layout(),
         SpiralTap::layout(),
@@ -168,7 +168,9 @@ pub fn layouts() -> Vec<Uniform> {
         SettingsUniforms::layout(),
         super::convention::PrepareUniforms::layout(),
         super::debug::DebugUniforms::layout(),
-    ]
+    ];
+    all.extend(super::sequence::layouts());
+    all
 }
 
 impl View {

@@ -59,7 +59,7 @@ impl ColourBox {
 
 /// Values under this share of what they would be scaled to say nothing of how passes share it: the quotient of two
 /// numbers so far apart amplifies rounding, and overflows where history has faded to almost 0.
-const LEAST_SHARE: f32 = 1e-9;
+pub(crate) const LEAST_SHARE: f32 = 1e-9;
 
 #[inline(always)]
 fn tells_shares(value: f32, target: f32) -> bool {

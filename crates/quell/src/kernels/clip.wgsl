@@ -45,12 +45,8 @@ fn colour_box_clamp(bounds: ColourBox, rgb: vec3f) -> vec3f {
     return select(clamped, vec3f(0.0), (clamped < vec3f(0.0)) & (rgb >= vec3f(0.0)));
 }
 
-// Values under this share of what they would be scaled to say nothing of how passes share it: the quotient of two
-// numbers so far apart amplifies rounding, and overflows where history has faded to almost 0.
-const LEAST_SHARE: f32 = 1e-9;
-
 fn tells_shares(value: f32, wanted: f32) -> bool {
-    return abs(value) > LEAST_SHARE * abs(wanted);
+    return abs(value) > CLIP_LEAST_SHARE * abs(wanted);
 }
 
 // How one channel of the beauty's history follows its clamp, by the same ratio as its passes would.

@@ -1,10 +1,5 @@
 // Twin of edge.rs: the cross-bilateral weight of stages 4, 7, 9 and 10.
 
-// Distances under this share of a pixel's size have no direction worth testing.
-const COINCIDENT_PX: f32 = 0.01;
-// Kg counts per tenth of smoothness.
-const GLOSS_SCALE: f32 = 10.0;
-
 // The weight of tap `q` for centre `p`, 0..1, without the Gaussian.
 //
 // `q_origin`, `q_direction`: the ray of q's pixel, relative to the eye, direction scaled to one unit of view depth.

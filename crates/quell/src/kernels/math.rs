@@ -2,10 +2,13 @@
 
 use crate::frame::Rgb;
 
-/// Luminance of linear Rec. 709 RGB: the weights of red, green and blue (ITU-R BT.709). The workspace has no other copy.
+/// Weights of red, green and blue in the luminance of linear Rec. 709 RGB (ITU-R BT.709).
+pub(crate) const LUMINANCE: Rgb = [0.2126, 0.7152, 0.0722];
+
+/// Luminance of linear Rec. 709 RGB. The workspace has no other copy.
 #[inline(always)]
 pub fn luminance(c: Rgb) -> f32 {
-    0.2126 * c[0] + 0.7152 * c[1] + 0.0722 * c[2]
+    LUMINANCE[0] * c[0] + LUMINANCE[1] * c[1] + LUMINANCE[2] * c[2]
 }
 
 /// A value for each of three channels or axes. Unlike `array::map` it is always inlined: in vectorised code a call would

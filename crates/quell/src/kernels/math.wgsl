@@ -2,7 +2,7 @@
 
 // Luminance of linear Rec. 709 RGB.
 fn luminance(c: vec3f) -> f32 {
-    return 0.2126 * c.x + 0.7152 * c.y + 0.0722 * c.z;
+    return LUMINANCE.x * c.x + LUMINANCE.y * c.y + LUMINANCE.z * c.z;
 }
 
 // Hermite step: 0 up to `low`, 1 from `high` on.

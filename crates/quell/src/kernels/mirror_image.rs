@@ -39,9 +39,9 @@ pub fn reflector_lookup(
 }
 
 /// Normals that differ by less (length of the difference) are the same up to rounding.
-pub(super) const SAME_NORMAL: f32 = 1e-5;
+pub(crate) const SAME_NORMAL: f32 = 1e-5;
 /// Planes apart by less, in sizes of a pixel, are the same up to rounding.
-pub(super) const SAME_PLANE_PX: f32 = 0.01;
+pub(crate) const SAME_PLANE_PX: f32 = 0.01;
 
 /// The reflector at pixel (x, y) as the four pixels at its old place show it: `visible` is their lookup.
 ///
@@ -118,7 +118,7 @@ pub fn virtual_coordinate(
 /// step of Newton's method does not reach farther, and bumps would send it anywhere.
 pub(crate) const FARTHEST_BENT_PX: f32 = 32.0;
 /// Least squared sine of the angle between the two directions in which the reflected ray turns.
-pub(super) const LEAST_BENT_DETERMINANT: f32 = 1e-4;
+pub(crate) const LEAST_BENT_DETERMINANT: f32 = 1e-4;
 
 /// Glossy light: on a curved reflector: the place in the previous image whose surface reflected the same hit point
 /// into the eye. `None` where the four pixels at the surface's old place (`visible`) have one normal: plane.

@@ -1,11 +1,6 @@
 // Twin of mirror_image.rs: where the mirror image of a glossy surface was in the previous frame, and which of the four
 // pixels there still show the same reflector.
 
-// Planes apart by less, in sizes of a pixel, are the same up to rounding.
-const SAME_PLANE_PX: f32 = 0.01;
-// Least squared sine of the angle between the two directions in which the reflected ray turns.
-const LEAST_BENT_DETERMINANT: f32 = 1e-4;
-
 // The unit vector along `v`; 0 where it has no length.
 fn normalize_or_zero(v: vec3f) -> vec3f {
     let squared = dot(v, v);

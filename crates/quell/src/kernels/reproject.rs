@@ -41,7 +41,7 @@ pub struct Lookup {
 }
 
 /// Weights under this share of the bilinear footprint are no evidence: rounding of a coordinate.
-const LEAST_FOOTPRINT: f32 = 1e-3;
+pub(crate) const LEAST_FOOTPRINT: f32 = 1e-3;
 
 /// Matte light: the surface at pixel (x, y), where it was. `None`: background, unknown motion, off screen, or
 /// a moving surface of which the previous image has no trace.

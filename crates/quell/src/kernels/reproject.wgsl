@@ -28,9 +28,6 @@ struct Lookup {
     trust: f32,
 }
 
-// Weights under this share of the bilinear footprint are no evidence: rounding of a coordinate.
-const LEAST_FOOTPRINT: f32 = 1e-3;
-
 fn no_lookup() -> Lookup {
     return Lookup(array(vec2i(0), vec2i(0), vec2i(0), vec2i(0)), array(0.0, 0.0, 0.0, 0.0), 0.0);
 }

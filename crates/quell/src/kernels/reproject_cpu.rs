@@ -2,6 +2,7 @@
 //! that both find the same places to the bit. Previous pixels lie anywhere: they are collected one by one.
 
 use super::math::three;
+use super::reproject::LEAST_FOOTPRINT;
 use crate::camera::Projection;
 use crate::kernels::spiral::PERIOD;
 use crate::phased::guides::{CpuGuides, Surfaces, field};
@@ -15,9 +16,6 @@ pub(crate) const LANES: usize = 64;
 pub(crate) type Lanes = [f32; LANES];
 /// Likewise of a vector.
 pub(crate) type Lanes3 = [Lanes; 3];
-
-/// Weights under this share of the bilinear footprint are no evidence: rounding of a coordinate.
-const LEAST_FOOTPRINT: f32 = 1e-3;
 
 /// The pixels of a run, what they show, and what history must show there.
 #[derive(Debug)]

@@ -1,8 +1,5 @@
 // What the GPU needs of spiral.rs: the taps themselves come from the CPU, 16 phases one after another.
 
-// Side of the square over which the pattern repeats, pixels.
-const PERIOD: i32 = 4;
-
 // Index of the first tap of pixel (x, y).
 fn spiral_at(pixel: vec2i, taps: u32) -> u32 {
     return u32((pixel.y % PERIOD) * PERIOD + pixel.x % PERIOD) * taps;

@@ -2,9 +2,6 @@
 //
 // `current`: the host's colours; `history`, `history_length`: what the frame before left.
 
-// Frames after which history is counted no further.
-const LONGEST_HISTORY: f32 = 4096.0;
-
 // What stage 3 or 8 writes at one pixel.
 struct Accumulated {
     colour: vec3f,

@@ -6,7 +6,8 @@ use crate::phased::guides::{CpuGuides, field};
 use crate::phased::layout::{Colours, Phases, channel};
 use crate::phased::rows;
 use crate::settings::{Firefly, Median};
-use crate::stages::firefly::cpu::{MIDDLE, NEIGHBOURS, is_replaced, median, rank};
+use crate::stages::firefly::MIDDLE;
+use crate::stages::firefly::cpu::{NEIGHBOURS, is_replaced, median, rank};
 use fearless_simd::{Level, dispatch};
 
 /// Pixels whose medians are found together.

@@ -1,11 +1,6 @@
 // Twin of border.rs (`Guides`): what a pixel shows. WGSL promises nothing of infinities and NaN, so background has depth
 // 0, a hit that left the scene lies at `FAR`, and unknown motion points far off screen.
 
-// View depth of background.
-const BACKGROUND: f32 = 0.0;
-// Distances from here on are infinite.
-const FAR: f32 = 1e30;
-
 // Everything that is told of one pixel.
 struct Guide {
     normal: vec3f,

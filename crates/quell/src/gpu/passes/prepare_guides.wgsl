@@ -19,9 +19,6 @@ const NORMAL_UNORM_XYZ: u32 = 1u;
 const NORMAL_OCTAHEDRAL: u32 = 2u;
 const NORMAL_UNORM_OCTAHEDRAL: u32 = 3u;
 
-// Motion that is not known points so far off screen, in pixels.
-const UNKNOWN_MOTION: f32 = 1e9;
-
 fn clean_unit_range(plane: u32, v: f32, when_not_finite: f32) -> f32 {
     if !is_finite(v) {
         note(plane, NOT_FINITE);

@@ -6,7 +6,7 @@ fn stored_colour(c: vec3f) -> vec3f {
 }
 
 // Normals that differ by less (length of the difference) are the same up to rounding.
-const SAME_NORMAL: f32 = 1e-5;
+const SAME_NORMAL: f32 = EXACT_SAME_NORMAL;
 
 fn pack_geometry(normal: vec3f, depth: f32) -> vec4u {
     return bitcast<vec4u>(vec4f(normal, depth));

@@ -3,8 +3,6 @@
 // Rounding is done here, to nearest: what a device does when it stores is its own choice, and cutting off would darken
 // the history a little at every frame.
 
-// Largest finite half.
-const HALF_MAX: f32 = 65504.0;
 // Under it halves are multiples of 2^-24.
 const HALF_NORMAL: f32 = 6.103515625e-5;
 const HALF_STEP: f32 = 5.9604645e-8;
@@ -24,11 +22,6 @@ fn stored_colour(c: vec3f) -> vec3f {
 
 // Normals that differ by less (length of the difference) are the same up to rounding.
 const SAME_NORMAL: f32 = 1.5e-5;
-
-// Half the number of steps along each axis of the octahedron, 19 bits: 16 lie in `geometry`, 3 in `surface`.
-const NORMAL_STEPS: f32 = 262143.0;
-const NORMAL_CENTRE: i32 = 262144;
-const NORMAL_LOW_BITS: u32 = 3u;
 
 fn fold(v: vec2f) -> vec2f {
     return (1.0 - abs(v.yx)) * select(vec2f(-1.0), vec2f(1.0), v >= vec2f(0.0));
@@ -69,8 +62,6 @@ fn geometry_normal(shape: vec4u, skin: vec4u) -> vec3f {
     return normal_of_code((high << vec2u(NORMAL_LOW_BITS)) | low);
 }
 
-const ROUGHNESS_STEPS: f32 = 1023.0;
-
 // Ids up to 65535 as they are, larger ones mixed to 16 bits: two that meet share a value once in 65536.
 fn short_id(id: u32) -> u32 {
     if id < 65536u {
@@ -94,10 +85,6 @@ fn surface_roughness(skin: vec4u) -> f32 {
     return f32((skin.x >> 16u) & 1023u) / ROUGHNESS_STEPS;
 }
 
-// Motion: sign, 5 bits of exponent, 14 of mantissa. Under `MOTION_LEAST` pixels it is 0; none is longer than `MOTION_MOST`.
-const MOTION_LEAST: f32 = 1.220703125e-4;
-const MOTION_MOST: f32 = 131072.0;
-
 fn motion_code(v: f32) -> u32 {
     let size = min(abs(v), MOTION_MOST);
     if size < MOTION_LEAST {
@@ -116,9 +103,6 @@ fn motion_of_code(code: u32) -> f32 {
     let value = bitcast<f32>((size + (113u << 14u)) << 9u);
     return select(value, -value, (code >> 19u) != 0u);
 }
-
-// Of eight bits: so that halves, thirds, quarters, fifths and tenths come back as they were.
-const CONFIDENCE_STEPS: f32 = 240.0;
 
 // The hit distance as a half, relative to the depth; `HALF_MAX`: infinite.
 fn pack_moving(moves: Moving, depth: f32) -> vec4u {

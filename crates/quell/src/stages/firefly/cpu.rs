@@ -1,12 +1,10 @@
 //! Stage 6 on runs of pixels: a network of exchanges, without branches.
 
+use super::MIDDLE;
 use crate::settings::Firefly;
 
 /// Neighbours of a pixel, itself among them, in reading order.
 pub(crate) const NEIGHBOURS: usize = 9;
-
-/// The pixel itself, and where the network leaves the median.
-pub(crate) const MIDDLE: usize = 4;
 
 /// Brings the median of nine to place 4 (Smith's network of 19 exchanges). Written out: only so does the compiler keep
 /// the nine in registers and take many lanes at a time.

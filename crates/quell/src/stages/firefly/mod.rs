@@ -23,3 +23,6 @@ use crate::reach::Reach;
 pub fn reach() -> Reach {
     Reach::around(1)
 }
+
+/// Rank of the median among nine.
+pub(crate) const MIDDLE: usize = 4;

@@ -1,14 +1,12 @@
 //! The specification of stage 6.
 
+use super::MIDDLE;
 use crate::border::Guides;
 use crate::frame::Rgb;
 use crate::kernels::math::luminance;
 use crate::par;
 use crate::plane::Plane;
 use crate::settings::{Firefly, Median};
-
-/// Rank of the median among nine.
-const MIDDLE: usize = 4;
 
 /// Runs stage 6 on the whole image; `input`: the signal, then its passes.
 pub fn run(input: &[Plane<Rgb>], guides: &Guides, settings: &Firefly) -> Vec<Plane<Rgb>> {

@@ -2,9 +2,6 @@
 //
 // The pass supplies `firefly_input` and `firefly_is_surface`.
 
-// Rank of the median among nine.
-const FIREFLY_MIDDLE: u32 = 4u;
-
 // Which of nine values is the median; of equal values the first in reading order.
 fn firefly_median(values: array<f32, 9>) -> u32 {
     var ranked = values;

@@ -2,9 +2,6 @@
 //
 // The pass supplies `glossy_input`.
 
-// tan(theta) over squared roughness, theta being half the lobe's width.
-const LOBE_SPREAD: f32 = 2.0;
-
 // Radius at a surface pixel, in pixels; 0: pass through. `axis`: (1, 0) or (0, 1).
 fn glossy_radius_px(axis: vec2i, pixel: vec2i) -> f32 {
     let glossy = settings.glossy_bilateral;

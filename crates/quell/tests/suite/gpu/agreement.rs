@@ -327,7 +327,7 @@ pub const PLANTED: &[(&str, &str, &str)] = &[
         "let shape = textureLoad(geometry_before, pixel + 1, 0);",
     ),
     // kernels
-    ("6, luminance", "0.2126 * c.x + 0.7152 * c.y", "0.7152 * c.x + 0.2126 * c.y"),
+    ("6, luminance", "LUMINANCE.x * c.x + LUMINANCE.y * c.y", "LUMINANCE.y * c.x + LUMINANCE.x * c.y"),
     ("3, by point", "t * t * (3.0 - 2.0 * t)", "t"),
     ("5", "a * (1.0 - t) + b * t", "a"),
     ("9", "(0.5 + r * (1.0 / 6.0", "(0.45 + r * (1.0 / 6.0"),
@@ -360,6 +360,7 @@ pub const PLANTED: &[(&str, &str, &str)] = &[
     ("5", "sum += widest_at(vec2i(tx, pixel.y));", "sum += widest_at(pixel);"),
     ("5", "sum += rows_at(vec2i(pixel.x, ty));", "sum += rows_at(pixel);"),
     ("6", "const FIREFLY_MIDDLE: u32 = 4u;", "const FIREFLY_MIDDLE: u32 = 5u;"),
+    ("6", "if rank == FIREFLY_MIDDLE", "if rank + 1u == FIREFLY_MIDDLE"),
     ("8", "reflected.trust *= visible.trust;", "reflected.trust *= 0.9;"),
     ("9", "const LOBE_SPREAD: f32 = 2.0;", "const LOBE_SPREAD: f32 = 1.9;"),
     ("10", "2.0 * frame.view.focal_px * bend", "frame.view.focal_px * bend"),

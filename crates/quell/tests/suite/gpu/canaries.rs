@@ -4,15 +4,16 @@
 use super::agreement::{self, CASES, SIZE, scenes, settings_with};
 use super::device::{Output, colour_bytes, gpu};
 use super::inputs::Inputs;
-use super::{half, prepare, wavelet, window};
+use super::{half, prepare, sequence_views, wavelet, window};
 use quell::Plane;
 use quell::border::{PlaneName, Repair};
-use quell::gpu::{Bindable, Kernel, Pass, Repairs, Storage, Told, wgpu};
+use quell::gpu::{Bindable, Kernel, Pass, PerFrameUniforms, Repairs, Storage, wgpu};
 use std::path::{Path, PathBuf};
 
 /// Declarations only, no step of a computation: `shaders.rs` compares their structs with Rust's. And debug views, where
 /// `debug.rs` plants the mistakes of hosts instead.
-const OTHERWISE: [&str; 3] = ["gpu/settings.wgsl", "gpu/guides/types.wgsl", "gpu/passes/debug.wgsl"];
+const OTHERWISE: [&str; 4] =
+    ["gpu/settings.wgsl", "gpu/guides/types.wgsl", "gpu/passes/debug.wgsl", "gpu/passes/debug_colours.wgsl"];
 
 /// What repairs colours as they are loaded, planted here.
 const PLANTED: [(&str, &str); 3] = [
@@ -52,7 +53,13 @@ fn every_file_of_shaders_has_a_planted_change() {
     let packed = prepare::PACKED.iter();
     let passes = agreement::PLANTED.iter().chain(half::PLANTED).map(|(_, from, _)| *from);
     let passes = passes.chain(window::PLANTED.iter().map(|(_, from, _)| *from));
-    let others = wavelet::PLANTED.iter().chain(prepare::PLANTED).chain(packed).chain(&COUNTED).chain(&PLANTED);
+    let others = wavelet::PLANTED
+        .iter()
+        .chain(prepare::PLANTED)
+        .chain(sequence_views::PLANTED)
+        .chain(packed)
+        .chain(&COUNTED)
+        .chain(&PLANTED);
     let changes: Vec<&str> = passes.chain(others.map(|(from, _)| *from)).collect();
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
     let mut found = Vec::new();
@@ -130,7 +137,7 @@ fn repaired_colours_are_counted_plane_by_plane() {
         let planes = colours.iter().map(Bindable::Plane);
         let bound: Vec<Bindable<'_>> = [Bindable::Counts(&counts)].into_iter().chain(planes).collect();
         let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("test") });
-        let told = Told { frame: &frame, settings: &settings };
+        let told = PerFrameUniforms { frame: &frame, settings: &settings };
         kernel.encode(&gpu.device, &mut encoder, told, &bound, SIZE).unwrap();
         gpu.queue.submit([encoder.finish()]);
         let bytes: Vec<u8> = gpu.read_buffers(&[&counts])[0].iter().flat_map(|n| n.to_le_bytes()).collect();

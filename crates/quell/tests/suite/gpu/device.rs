@@ -1,7 +1,9 @@
 //! A device with WebGPU's default limits and no feature, and one pass run on it.
 
 use quell::gpu::wgpu;
-use quell::gpu::{Bindable, BindingKind, FrameUniforms, Kernel, Pass, SettingsUniforms, Storage, Texel, Told};
+use quell::gpu::{
+    Bindable, BindingKind, FrameUniforms, Kernel, Pass, PerFrameUniforms, SettingsUniforms, Storage, Texel,
+};
 use quell::{Plane, Rgb, Size};
 use std::pin::pin;
 use std::sync::{Arc, OnceLock};
@@ -265,14 +267,14 @@ impl Gpu {
                     taps.push(self.buffer(binding.name, inputs.next().unwrap(), wgpu::BufferUsages::STORAGE));
                     None
                 }
-                BindingKind::Host(_) | BindingKind::Counts(_) | BindingKind::Uniform(_) => panic!("no stage has one"),
+                _ => panic!("no stage has one"),
             });
         }
         assert!(inputs.next().is_none(), "{}: an input too many", job.pass.name);
         let bound: Vec<Bindable<'_>> =
             planes.iter().map(|p| p.as_ref().map_or_else(|| Bindable::Taps(&taps[0]), Bindable::Plane)).collect();
         let mut encoder = self.device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("test") });
-        let told = Told { frame: &frame, settings: &settings };
+        let told = PerFrameUniforms { frame: &frame, settings: &settings };
         kernel.encode(&self.device, &mut encoder, told, &bound, job.size).unwrap();
         self.queue.submit([encoder.finish()]);
         let written: Vec<(&'static str, Texel, &wgpu::TextureView)> = (job.pass.bindings.iter().zip(&planes))

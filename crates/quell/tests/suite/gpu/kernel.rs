@@ -3,7 +3,7 @@
 use super::device::gpu;
 use quell::Size;
 use quell::gpu::wgpu::{BufferUsages, TextureFormat, TextureUsages};
-use quell::gpu::{Bindable, Error, Kernel, Pass, Storage, Told};
+use quell::gpu::{Bindable, Error, Kernel, Pass, PerFrameUniforms, Storage};
 
 #[test]
 fn wrong_resources_and_sizes_are_errors_that_name_them() {
@@ -25,7 +25,7 @@ fn wrong_resources_and_sizes_are_errors_that_name_them() {
     let [geometry, input, output, short, exact] = [&geometry, &input, &output, &short, &exact].map(Bindable::Plane);
     let encode = |[frame, settings]: [&_; 2], bound: &[Bindable<'_>], size| {
         let mut encoder = gpu.device.create_command_encoder(&Default::default());
-        kernel.encode(&gpu.device, &mut encoder, Told { frame, settings }, bound, size)
+        kernel.encode(&gpu.device, &mut encoder, PerFrameUniforms { frame, settings }, bound, size)
     };
     let told = [&uniform, &uniform];
     let (pass, binding) = ("firefly", "output");

@@ -16,6 +16,7 @@ mod precision;
 mod prepare;
 mod program;
 mod sequence;
+mod sequence_views;
 mod shaders;
 mod textures;
 mod timing;

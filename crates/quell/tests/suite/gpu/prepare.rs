@@ -8,8 +8,8 @@ use quell::border::{PlaneName, Repair, Sanitised};
 use quell::gpu::wgpu::{CommandEncoderDescriptor, TextureFormat as F, TextureView};
 use quell::gpu::{
     self, Bindable, Channel, Convention, DepthKind, Error, FrameUniforms, GuidePlane, GuideTextures, Kernel,
-    MotionUnit, NormalEncoding, NormalSpace, Options, Pass, PrepareUniforms, RoughnessKind, Scalar, SettingsUniforms,
-    Slot, Storage, Texel, Told, pack_guides,
+    MotionUnit, NormalEncoding, NormalSpace, Options, Pass, PerFrameUniforms, PrepareUniforms, RoughnessKind, Scalar,
+    SettingsUniforms, Slot, Storage, Texel, pack_guides,
 };
 use quell::{Backend, Camera, Denoiser, FrameBuf, Plane, Settings, Size};
 
@@ -185,7 +185,7 @@ fn planes_of_changed(gpu: &Gpu, storage: Storage, source: &str, border: &Border<
         .chain(given.chain(&out).map(Bindable::Plane))
         .collect();
     let mut encoder = gpu.device.create_command_encoder(&CommandEncoderDescriptor { label: Some("test") });
-    let told = Told { frame: &frame, settings: &settings };
+    let told = PerFrameUniforms { frame: &frame, settings: &settings };
     kernel.encode(&gpu.device, &mut encoder, told, &bound, SIZE).unwrap();
     gpu.queue.submit([encoder.finish()]);
     let bytes: Vec<u8> = gpu.read_buffers(&[&counts])[0].iter().flat_map(|n| n.to_le_bytes()).collect();

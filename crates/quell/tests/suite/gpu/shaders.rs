@@ -1,8 +1,8 @@
 //! The shaders without a GPU: they validate, bind what Rust binds, lie within WebGPU's default limits, and their structs
 //! are laid out as Rust writes them.
 
-use quell::gpu::wgpu::{Limits, TextureFormat, naga};
-use quell::gpu::{BindingKind, Pass, Storage, WORKGROUP, debug_source, layouts};
+use quell::gpu::wgpu::{Limits, naga};
+use quell::gpu::{BindingKind, Pass, Storage, WORKGROUP, layouts};
 
 /// Every pass as every device may be given it.
 fn sources() -> Vec<(Pass, Storage, String)> {
@@ -20,14 +20,20 @@ fn parsed(name: &str, source: &str) -> naga::Module {
 fn every_shader_validates_with_what_core_webgpu_has() {
     for (pass, _, source) in sources() {
         let module = parsed(pass.name, &source);
-        // `unpack2x16float` is core WGSL.
-        let capabilities = naga::valid::Capabilities::SHADER_FLOAT16_IN_FLOAT32;
+        // `unpack2x16float` is core WGSL; the sequence filter's passes do without.
+        let capabilities = if pass.per_frame {
+            naga::valid::Capabilities::SHADER_FLOAT16_IN_FLOAT32
+        } else {
+            naga::valid::Capabilities::empty()
+        };
         let mut validator = naga::valid::Validator::new(naga::valid::ValidationFlags::all(), capabilities);
         if let Err(e) = validator.validate(&module) {
             panic!("{}: {}", pass.name, e.emit_to_string(&source));
         }
         let entries: Vec<&str> = module.entry_points.iter().map(|e| e.name.as_str()).collect();
         assert!(entries.contains(&pass.entry), "{}: no `{}`", pass.name, pass.entry);
+        let bound = module.global_variables.iter().filter(|(_, v)| v.binding.is_some()).count();
+        assert_eq!(bound, pass.bindings.len() + pass.first_binding() as usize, "{}", pass.name);
     }
 }
 
@@ -37,14 +43,16 @@ fn passes_are_within_the_default_limits() {
     for (pass, _, source) in sources() {
         let module = parsed(pass.name, &source);
         let count = |is: fn(&BindingKind) -> bool| pass.bindings.iter().filter(|b| is(&b.kind)).count() as u32;
-        let sampled = count(|k| matches!(k, BindingKind::Sampled(_) | BindingKind::Host(_)));
+        let sampled = count(|k| matches!(k, BindingKind::Sampled(_) | BindingKind::Host(_) | BindingKind::Frames));
         assert!(sampled <= limits.max_sampled_textures_per_shader_stage, "{}", pass.name);
-        let stored = count(|k| matches!(k, BindingKind::Stored(_)));
+        let stored = count(|k| matches!(k, BindingKind::Stored(_) | BindingKind::Picture(_)));
         assert!(stored <= limits.max_storage_textures_per_shader_stage, "{}", pass.name);
-        let buffers = count(|k| matches!(k, BindingKind::Taps | BindingKind::Counts(_)));
+        let is_buffer = |k: &BindingKind| {
+            matches!(k, BindingKind::Taps | BindingKind::Counts(_) | BindingKind::Read(_) | BindingKind::Write(_))
+        };
+        let buffers = count(is_buffer);
         assert!(buffers <= limits.max_storage_buffers_per_shader_stage, "{}", pass.name);
-        // With `frame` and `settings`.
-        let uniforms = 2 + count(|k| matches!(k, BindingKind::Uniform(_)));
+        let uniforms = pass.first_binding() + count(|k| matches!(k, BindingKind::Uniform(_)));
         assert!(uniforms <= limits.max_uniform_buffers_per_shader_stage, "{}", pass.name);
         let shared: u32 = module
             .global_variables
@@ -66,29 +74,6 @@ fn passes_are_within_the_default_limits() {
     assert_eq!(limits.max_compute_invocations_per_workgroup, 256);
 }
 
-/// The shaders that are no stage's.
-fn others() -> Vec<String> {
-    [Storage::Half, Storage::Float].map(|storage| debug_source(storage, TextureFormat::Rgba8Unorm)).to_vec()
-}
-
-#[test]
-fn debug_views_validate_within_the_default_limits() {
-    let limits = Limits::default();
-    let capabilities = naga::valid::Capabilities::SHADER_FLOAT16_IN_FLOAT32;
-    for source in others() {
-        let module = parsed("other", &source);
-        let mut validator = naga::valid::Validator::new(naga::valid::ValidationFlags::all(), capabilities);
-        validator.validate(&module).unwrap_or_else(|e| panic!("{}", e.emit_to_string(&source)));
-        let bound = |space: fn(&naga::AddressSpace) -> bool| {
-            module.global_variables.iter().filter(|(_, v)| v.binding.is_some() && space(&v.space)).count() as u32
-        };
-        let textures = bound(|s| matches!(s, naga::AddressSpace::Handle));
-        assert!((7..=limits.max_sampled_textures_per_shader_stage).contains(&textures), "{textures}");
-        let buffers = bound(|s| matches!(s, naga::AddressSpace::Storage { .. }));
-        assert!((1..=limits.max_storage_buffers_per_shader_stage).contains(&buffers), "{buffers}");
-    }
-}
-
 /// Where a struct of the shaders differs from what Rust writes.
 fn difference(module: &naga::Module, expected: &quell::gpu::Uniform) -> Option<Result<(), String>> {
     let (_, ty) = module.types.iter().find(|(_, ty)| ty.name.as_deref() == Some(expected.name))?;
@@ -107,10 +92,7 @@ fn difference(module: &naga::Module, expected: &quell::gpu::Uniform) -> Option<R
 
 #[test]
 fn structs_are_laid_out_as_rust_writes_them() {
-    let others: Vec<naga::Module> = others().iter().map(|source| parsed("other", source)).collect();
-    let passes = sources();
-    let modules: Vec<naga::Module> =
-        passes.iter().map(|(pass, _, source)| parsed(pass.name, source)).chain(others).collect();
+    let modules: Vec<naga::Module> = sources().iter().map(|(pass, _, source)| parsed(pass.name, source)).collect();
     for layout in layouts() {
         let results: Vec<_> = modules.iter().filter_map(|m| difference(m, &layout)).collect();
         assert!(!results.is_empty(), "no shader has a struct `{}`", layout.name);

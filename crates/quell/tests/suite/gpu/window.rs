@@ -3,8 +3,8 @@
 
 use super::device::{Gpu, gpu};
 use super::wavelet::{difference, frame, random, without};
-use quell::gpu::wgpu::{Buffer, CommandEncoderDescriptor, Limits, naga};
-use quell::gpu::{SequenceBinding, SequenceShader, SequenceShaders, SequenceStage, SequenceWindow};
+use quell::gpu::wgpu::{Buffer, CommandEncoderDescriptor};
+use quell::gpu::{Pass, SequenceKernels, SequenceStage, SequenceWindow, Storage};
 use quell::sequence::{
     AcceleratedWindow, Accelerator, EstimateJob, Filtered, PreparedFrame, SequenceDenoiser, SequenceFrame,
     SequenceSettings, WaveletJob,
@@ -58,7 +58,7 @@ type Stages = [Seen; 3];
 #[derive(Clone, Debug)]
 struct Host {
     gpu: &'static Gpu,
-    shaders: Arc<SequenceShaders>,
+    kernels: Arc<SequenceKernels>,
     /// Every stage is compared with the CPU's.
     compares: bool,
     /// From this frame on `estimate` says that it cannot.
@@ -69,12 +69,12 @@ struct Host {
 
 impl Host {
     fn new(gpu: &'static Gpu) -> Self {
-        Self::with(gpu, SequenceShaders::new(&gpu.device))
+        Self::with(gpu, SequenceKernels::new(&gpu.device))
     }
 
-    fn with(gpu: &'static Gpu, shaders: SequenceShaders) -> Self {
+    fn with(gpu: &'static Gpu, kernels: SequenceKernels) -> Self {
         let (seen, estimated) = (Arc::default(), Arc::default());
-        Self { gpu, shaders: Arc::new(shaders), compares: false, refuses: i64::MAX, seen, estimated }
+        Self { gpu, kernels: Arc::new(kernels), compares: false, refuses: i64::MAX, seen, estimated }
     }
 }
 
@@ -89,7 +89,7 @@ impl Accelerator for Host {
 
     fn window(&self) -> Option<Box<dyn AcceleratedWindow>> {
         Some(Box::new(Window {
-            window: SequenceWindow::new(&self.gpu.device, Arc::clone(&self.shaders)),
+            window: SequenceWindow::new(&self.gpu.device, Arc::clone(&self.kernels)),
             host: self.clone(),
         }))
     }
@@ -178,7 +178,7 @@ impl AcceleratedWindow for Window {
 /// The wavelet's scene with places in the world, and motion of all kinds: a floor that stands before a sliding camera,
 /// things that move by themselves and some of which come from nowhere, noise of the motion, and nothing known of the
 /// sky.
-fn scene(size: Size, t: i64) -> SequenceFrame {
+pub fn scene(size: Size, t: i64) -> SequenceFrame {
     let mut frame = frame(size, t);
     let (depth, w) = (frame.depth.clone().unwrap(), size.width as f32);
     let position = |x: usize, y: usize| {
@@ -426,56 +426,48 @@ fn what_is_not_for_the_device_is_filtered_as_before() {
 }
 
 /// Changes planted in the shaders, each of which must be seen.
-pub const PLANTED: &[(SequenceShader, &str, &str)] = &[
-    (SequenceShader::Guides, "DIVIDED = 8.0", "DIVIDED = 7.0"),
-    (SequenceShader::Guides, "select(b, a, abs(a) < abs(b))", "a"),
-    (SequenceShader::Guides, "case 3: { way = vec2i(1, -1); }", ""),
-    (SequenceShader::Guides, "/ (2.0 * here)", "/ here"),
-    (SequenceShader::Guides, "0.5 * dot(d, d)", "dot(d, d)"),
-    (SequenceShader::Guides, "vec4f(colour + vec3f(DIVIDED * facing.w, 0.0, 0.0), facing.w)", "vec4f(colour, 0.0)"),
-    (SequenceShader::Guides, "slope(pixel, vec2i(0, 1), here)", "slope(pixel, vec2i(1, 0), here)"),
-    (SequenceShader::Gather, "MOVING_WEIGHT = 0.7", "MOVING_WEIGHT = 0.71"),
-    (SequenceShader::Gather, "STANDING_NORMAL = 0.6", "STANDING_NORMAL = 0.999"),
-    (SequenceShader::Gather, "MOVING_NORMAL = 0.7", "MOVING_NORMAL = 0.999"),
-    (SequenceShader::Gather, "PLANE_NORMAL = 0.9", "PLANE_NORMAL = 0.99999"),
-    (SequenceShader::Gather, "STANDING_REACH = 6.0", "STANDING_REACH = 0.5"),
-    (SequenceShader::Gather, "ROUND_TRIP_SHARE = 0.05", "ROUND_TRIP_SHARE = 0.5"),
-    (SequenceShader::Gather, "MOVING_DEPTH = 0.1", "MOVING_DEPTH = 0.01"),
-    (SequenceShader::Gather, "LEAST_SHARE = 0.01", "LEAST_SHARE = 0.1"),
-    (SequenceShader::Gather, "const APART = 1e9", "const APART = 0.0"),
-    (SequenceShader::Gather, "power *= told.decay", "power *= 0.99 * told.decay"),
-    (SequenceShader::Gather, "abs(at.y - origin.y) > told.farthest", "abs(at.y - origin.y) > 0.5 * told.farthest"),
-    (SequenceShader::Gather, "any(q < vec2i(0))", "any(q < vec2i(1))"),
-    (SequenceShader::Gather, "let has_back = has_motion(there, !forward)", "let has_back = false"),
-    (SequenceShader::Gather, "reflected && has(there, REFLECTION_TO_NEXT)", "false"),
-    (SequenceShader::Gather, "reflected && has(there, REFLECTION_TO_PREVIOUS)", "false"),
-    (SequenceShader::Gather, "if share > best {", "if share < best || best == 0.0 {"),
-    (SequenceShader::Gather, "share * trust, power", "share, power"),
-    (SequenceShader::Gather, "told.seen_normal * bend", "0.5 * told.seen_normal * bend"),
-    (SequenceShader::Gather, "dot(d, d) * 0.5", "dot(d, d) * 0.45"),
-    (SequenceShader::Gather, "squares += weights * weights", "squares += weights"),
-    (SequenceShader::Gather, "count / (count - 1.0)", "1.0"),
-    (SequenceShader::Gather, "- mean * mean, 0.0)", "- 0.9 * mean * mean, 0.0)"),
-    (
-        SequenceShader::Gather,
-        "if !(pixel_size > 0.0 && off_plane(s, tracked)",
-        "if (pixel_size > 0.0 && off_plane(s, tracked)",
-    ),
-    (SequenceShader::Gather, "largest = max(largest, count)", "largest = count"),
-    (SequenceShader::Gather, "if told.begins == 0u", "if told.begins == 7u"),
-    (SequenceShader::Gather, "if told.future != 0u", "if told.future == 7u"),
-    (SequenceShader::Variance, "(counts[q][level.place] - 1.0", "(counts[q].x - 1.0"),
-    (
-        SequenceShader::Variance,
-        "max(second / total - mean * mean, 0.0) * count",
-        "max(second / total - mean * mean, 0.0)",
-    ),
-    (SequenceShader::Variance, "level.given != 0u", "level.given == 7u"),
-    (SequenceShader::Variance, "min(freedom / level.trusted_samples, 1.0)", "1.0"),
-    (SequenceShader::Variance, "/ max(count, 1.0)", ""),
-    (SequenceShader::Variance, "spread += free * colour.w", "spread += g * colour.w"),
-    (SequenceShader::Variance, "first += g * mean", "first += mean"),
-    (SequenceShader::Variance, "dy <= radius", "dy < radius"),
+pub const PLANTED: &[(Pass, &str, &str)] = &[
+    (Pass::FEATURE_NOISE, "MIRRORS_APART: f32 = 8.0", "MIRRORS_APART: f32 = 7.0"),
+    (Pass::FEATURE_NOISE, "select(b, a, abs(a) < abs(b))", "a"),
+    (Pass::FEATURE_NOISE, "case 3: { along = vec2i(1, -1); }", ""),
+    (Pass::FEATURE_NOISE, "/ (2.0 * here)", "/ here"),
+    (Pass::FEATURE_NOISE, "0.5 * dot(d, d)", "dot(d, d)"),
+    (Pass::FEATURE_NOISE, "vec4f(colour + vec3f(MIRRORS_APART * facing.w, 0.0, 0.0), facing.w)", "vec4f(colour, 0.0)"),
+    (Pass::FEATURE_NOISE, "slope(pixel, vec2i(0, 1), here)", "slope(pixel, vec2i(1, 0), here)"),
+    (Pass::GATHER, "settings.moving_weight, same", "1.014 * settings.moving_weight, same"),
+    (Pass::GATHER, ">= settings.standing_normal", ">= 0.999"),
+    (Pass::GATHER, ">= settings.moving_normal", ">= 0.999"),
+    (Pass::GATHER, "> settings.plane_normal", "> 0.99999"),
+    (Pass::GATHER, "settings.standing_reach *", "0.5 *"),
+    (Pass::GATHER, "settings.round_trip_share *", "0.5 *"),
+    (Pass::GATHER, "<= settings.moving_depth", "<= 0.01"),
+    (Pass::GATHER, "share < settings.least_share", "share < 0.1"),
+    (Pass::GATHER, "const APART: f32 = 1000000000.0", "const APART: f32 = 0.0"),
+    (Pass::GATHER, "power *= settings.decay", "power *= 0.99 * settings.decay"),
+    (Pass::GATHER, "abs(at.y - origin.y) > settings.farthest", "abs(at.y - origin.y) > 0.5 * settings.farthest"),
+    (Pass::GATHER, "any(q < vec2i(0))", "any(q < vec2i(1))"),
+    (Pass::GATHER, "let has_back = has_motion(there, !forward)", "let has_back = false"),
+    (Pass::GATHER, "reflected && has(there, HAS_REFLECTION_TO_NEXT)", "false"),
+    (Pass::GATHER, "reflected && has(there, HAS_REFLECTION_TO_PREVIOUS)", "false"),
+    (Pass::GATHER, "if share > best {", "if share < best || best == 0.0 {"),
+    (Pass::GATHER, "share * trust, power", "share, power"),
+    (Pass::GATHER, "settings.seen_normal * bend", "0.5 * settings.seen_normal * bend"),
+    (Pass::GATHER, "dot(d, d) * 0.5", "dot(d, d) * 0.45"),
+    (Pass::GATHER, "squares += weights * weights", "squares += weights"),
+    (Pass::GATHER, "count / (count - 1.0)", "1.0"),
+    (Pass::GATHER, "- mean * mean, 0.0)", "- 0.9 * mean * mean, 0.0)"),
+    (Pass::GATHER, "if !(pixel_size > 0.0 && off_plane(s, tracked)", "if (pixel_size > 0.0 && off_plane(s, tracked)"),
+    (Pass::GATHER, "largest = max(largest, result.counts[k])", "largest = result.counts[k]"),
+    (Pass::GATHER, "if settings.begins == 0u", "if settings.begins == 7u"),
+    (Pass::GATHER, "if settings.future != 0u", "if settings.future == 7u"),
+    (Pass::VARIANCE, "counts[i][settings.place]", "counts[i].x"),
+    (Pass::VARIANCE, "max(second / total - mean * mean, 0.0) * count", "max(second / total - mean * mean, 0.0)"),
+    (Pass::VARIANCE, "settings.given == 0u", "settings.given != 7u"),
+    (Pass::VARIANCE, "min(freedom / settings.trusted_samples, 1.0)", "1.0"),
+    (Pass::VARIANCE, "/ max(count, 1.0)", ""),
+    (Pass::VARIANCE, "spread += free * colour.w", "spread += g * colour.w"),
+    (Pass::VARIANCE, "first += g * mean", "first += mean"),
+    (Pass::VARIANCE, "dy <= radius", "dy < radius"),
 ];
 
 #[test]
@@ -484,65 +476,19 @@ fn planted_differences_are_found() {
     let size = Size::new(31, 17);
     let frames: Vec<SequenceFrame> = (0..3).map(|t| scene(size, t)).collect();
     let settings = settings(&[("gather.travel", "0.1")]);
-    let whole = SequenceShaders::new(&gpu.device);
+    let whole = SequenceKernels::new(&gpu.device);
     let mut unseen = Vec::new();
-    for &(shader, from, to) in PLANTED {
-        let source = shader.source();
-        assert!(source.contains(from), "{shader:?} has no `{from}` any more");
-        let planted = whole.with_source(&gpu.device, shader, &source.replace(from, to));
+    for &(pass, from, to) in PLANTED {
+        let source = pass.source(Storage::Float, false);
+        assert!(source.contains(from), "{} has no `{from}` any more", pass.name);
+        let planted = whole.with_source(&gpu.device, pass, &source.replace(from, to));
         let host = Host::with(gpu, planted);
         let seen = stages(&host, &settings, frames.clone());
         println!("{to}: {:?}", seen.map(|s| (s.most, s.beyond)));
-        let at = shader as usize;
+        let at = Pass::SEQUENCE.iter().position(|p| p.name == pass.name).unwrap();
         if seen[at].agrees() {
             unseen.push((from, to));
         }
     }
     assert!(unseen.is_empty(), "{unseen:#?}");
-}
-
-/// Without a GPU: shaders validate, bind what Rust binds within WebGPU's default limits, and structs lie as Rust writes
-/// them.
-#[test]
-fn shaders_are_what_rust_takes_them_for() {
-    let limits = Limits::default();
-    for shader in SequenceShader::ALL {
-        let source = shader.source();
-        let module = naga::front::wgsl::parse_str(&source).unwrap_or_else(|e| panic!("{}", e.emit_to_string(&source)));
-        let mut validator =
-            naga::valid::Validator::new(naga::valid::ValidationFlags::all(), naga::valid::Capabilities::empty());
-        validator.validate(&module).unwrap_or_else(|e| panic!("{}", e.emit_to_string(&source)));
-        let mut found = Vec::new();
-        for (_, variable) in module.global_variables.iter() {
-            let Some(binding) = &variable.binding else { continue };
-            assert_eq!(binding.group, 0);
-            let kind = match variable.space {
-                naga::AddressSpace::Uniform => SequenceBinding::Uniform,
-                naga::AddressSpace::Handle => SequenceBinding::Frames,
-                naga::AddressSpace::Storage { access } if access.contains(naga::StorageAccess::STORE) => {
-                    SequenceBinding::Write
-                }
-                naga::AddressSpace::Storage { .. } => SequenceBinding::Read,
-                other => panic!("{other:?}"),
-            };
-            found.push((binding.binding, variable.name.clone().unwrap(), kind));
-        }
-        found.sort_by_key(|(binding, ..)| *binding);
-        let bound: Vec<_> =
-            (0..).zip(shader.bindings()).map(|(i, (name, kind))| (i, (*name).to_owned(), *kind)).collect();
-        assert_eq!(found, bound, "{shader:?}");
-        let count = |of: &[SequenceBinding]| bound.iter().filter(|(.., kind)| of.contains(kind)).count() as u32;
-        let buffers = count(&[SequenceBinding::Read, SequenceBinding::Write]);
-        assert!(buffers <= limits.max_storage_buffers_per_shader_stage, "{shader:?}: {buffers}");
-        assert!(count(&[SequenceBinding::Frames]) <= limits.max_sampled_textures_per_shader_stage);
-        for entry in &module.entry_points {
-            assert_eq!((entry.name.as_str(), entry.workgroup_size), (shader.entry(), [8, 8, 1]));
-        }
-        let layout = shader.layout();
-        let (_, ty) = module.types.iter().find(|(_, ty)| ty.name.as_deref() == Some(layout.name)).unwrap();
-        let naga::TypeInner::Struct { members, span } = &ty.inner else { panic!() };
-        let lies: Vec<_> = members.iter().map(|m| (m.name.clone().unwrap(), m.offset as usize)).collect();
-        let wanted: Vec<_> = layout.members.iter().map(|m| (m.name.to_owned(), m.offset)).collect();
-        assert_eq!((lies, *span as usize), (wanted, layout.size), "{shader:?}");
-    }
 }

@@ -1,4 +1,4 @@
-//! What the passes of a program are told besides planes: settings that fit its frames, and tables of taps.
+//! What the passes of a program read besides planes: settings that fit its frames, and tables of taps.
 
 use super::guides::pack_spiral;
 use super::program::Contents;

@@ -1,0 +1,95 @@
+//! Constants that the shaders share with Rust: WGSL gets each from where it is declared, so none is typed twice.
+
+use super::guides::{self, half};
+use super::sequence;
+use crate::border::COLOUR_LIMIT;
+use crate::kernels::{clip, edge, guide_distance, math, mirror_image, reproject, spiral, temporal};
+use crate::stages::{feature_noise, firefly, gather, glossy_bilateral, wavelet};
+use std::collections::HashSet;
+
+/// A constant as WGSL declares it.
+#[derive(Clone, Copy, Debug)]
+enum Number {
+    F32(f32),
+    Vec2([f32; 2]),
+    Vec3([f32; 3]),
+    I32(i32),
+    U32(u32),
+}
+
+use Number::{F32, I32, U32, Vec2, Vec3};
+
+/// Name in WGSL and value. Names are those of Rust, with the stage's before it where two share one.
+const ALL: &[(&str, Number)] = &[
+    ("LUMINANCE", Vec3(math::LUMINANCE)),
+    ("COLOUR_LIMIT", F32(COLOUR_LIMIT)),
+    ("BACKGROUND", F32(guides::BACKGROUND)),
+    ("FAR", F32(guides::FAR)),
+    ("UNKNOWN_MOTION", F32(guides::UNKNOWN_MOTION)),
+    // Planes in half precision.
+    ("EXACT_SAME_NORMAL", F32(mirror_image::SAME_NORMAL)),
+    ("NORMAL_STEPS", F32(half::NORMAL_STEPS)),
+    ("NORMAL_CENTRE", I32(half::NORMAL_CENTRE)),
+    ("NORMAL_LOW_BITS", U32(half::NORMAL_LOW_BITS)),
+    ("ROUGHNESS_STEPS", F32(half::ROUGHNESS_STEPS)),
+    ("MOTION_LEAST", F32(half::MOTION_LEAST)),
+    ("MOTION_MOST", F32(half::MOTION_MOST)),
+    ("CONFIDENCE_STEPS", F32(half::CONFIDENCE_STEPS)),
+    ("HALF_MAX", F32(half::HALF_MAX)),
+    // The real-time filter.
+    ("CLIP_LEAST_SHARE", F32(clip::LEAST_SHARE)),
+    ("COINCIDENT_PX", F32(edge::COINCIDENT_PX)),
+    ("GLOSS_SCALE", F32(edge::GLOSS_SCALE)),
+    ("SAME_PLANE_PX", F32(mirror_image::SAME_PLANE_PX)),
+    ("LEAST_BENT_DETERMINANT", F32(mirror_image::LEAST_BENT_DETERMINANT)),
+    ("LEAST_FOOTPRINT", F32(reproject::LEAST_FOOTPRINT)),
+    ("PERIOD", I32(spiral::PERIOD as i32)),
+    ("LONGEST_HISTORY", F32(temporal::LONGEST_HISTORY)),
+    ("FIREFLY_MIDDLE", U32(firefly::MIDDLE as u32)),
+    ("LOBE_SPREAD", F32(glossy_bilateral::LOBE_SPREAD)),
+    // The sequence filter.
+    ("FARTHEST", F32(guide_distance::FARTHEST)),
+    ("APART", F32(guide_distance::APART)),
+    ("LEAST_TOLERANCE", F32(guide_distance::LEAST_TOLERANCE)),
+    ("MIRRORS_APART", F32(feature_noise::APART)),
+    ("LEAST_COUNT", F32(gather::LEAST_COUNT)),
+    ("SPLINE", Vec3(wavelet::SPLINE)),
+    ("TENT", Vec2(wavelet::TENT)),
+    ("LEAST_VARIANCE", F32(wavelet::LEAST_VARIANCE)),
+    ("HAS_TO_PREVIOUS", U32(sequence::HAS_TO_PREVIOUS)),
+    ("HAS_TO_NEXT", U32(sequence::HAS_TO_NEXT)),
+    ("HAS_REFLECTION_TO_PREVIOUS", U32(sequence::HAS_REFLECTION_TO_PREVIOUS)),
+    ("HAS_REFLECTION_TO_NEXT", U32(sequence::HAS_REFLECTION_TO_NEXT)),
+    ("HAS_SEEN", U32(sequence::HAS_SEEN)),
+    ("HAS_REPEATED_NOISE", U32(sequence::HAS_REPEATED_NOISE)),
+    ("PLANE_THERE", U32(sequence::PLANE_THERE)),
+    ("PLANE_UNKNOWN", U32(sequence::PLANE_UNKNOWN)),
+    ("SEEN_COLOURS", U32(sequence::SEEN_COLOURS)),
+    ("SEEN_NORMALS", U32(sequence::SEEN_NORMALS)),
+    ("SHOWS_LIGHT", U32(sequence::SHOWS_LIGHT)),
+    ("SHOWS_DEVIATION", U32(sequence::SHOWS_DEVIATION)),
+    ("SHOWS_COUNT", U32(sequence::SHOWS_COUNT)),
+    ("SHOWS_SAMPLES", U32(sequence::SHOWS_SAMPLES)),
+    ("SHOWS_DEPTH", U32(sequence::SHOWS_DEPTH)),
+    ("SHOWS_NOISE", U32(sequence::SHOWS_NOISE)),
+    ("SHOWS_COLOUR", U32(sequence::SHOWS_COLOUR)),
+];
+
+/// Declarations of the constants that the WGSL names.
+pub(super) fn declared(wgsl: &str) -> String {
+    let used: HashSet<&str> = wgsl.split(|c: char| !c.is_ascii_alphanumeric() && c != '_').collect();
+    ALL.iter().filter(|(name, _)| used.contains(name)).map(|(name, number)| number.declared(name)).collect()
+}
+
+impl Number {
+    /// Rust writes the shortest number that reads back as the same float; WGSL rounds it to the nearest.
+    fn declared(self, name: &str) -> String {
+        match self {
+            F32(v) => format!("const {name}: f32 = {v:?};\n"),
+            Vec2([x, y]) => format!("const {name}: vec2f = vec2f({x:?}, {y:?});\n"),
+            Vec3([x, y, z]) => format!("const {name}: vec3f = vec3f({x:?}, {y:?}, {z:?});\n"),
+            I32(v) => format!("const {name}: i32 = {v};\n"),
+            U32(v) => format!("const {name}: u32 = {v}u;\n"),
+        }
+    }
+}

@@ -1,0 +1,53 @@
+//! The sequence filter's passes, compiled.
+
+use super::wavelet::SequenceWavelet;
+use crate::gpu::kernel::Kernel;
+use crate::gpu::pass::Pass;
+use crate::gpu::storage::Storage;
+
+/// Every pass of the sequence filter, compiled for a device.
+#[derive(Clone, Debug)]
+pub struct SequenceKernels {
+    pub(super) feature_noise: Kernel,
+    pub(super) gather: Kernel,
+    pub(super) variance: Kernel,
+    pub(super) wavelet: SequenceWavelet,
+}
+
+/// A pass that has no planes of the real-time filter: how these are stored does not matter to it.
+pub(super) fn kernel(device: &wgpu::Device, pass: Pass, source: Option<&str>) -> Kernel {
+    match source {
+        None => Kernel::new(device, pass, Storage::Float, false),
+        Some(source) => Kernel::with_source(device, pass, Storage::Float, source),
+    }
+}
+
+impl SequenceKernels {
+    /// Compiles them on the caller's device.
+    pub fn new(device: &wgpu::Device) -> Self {
+        Self {
+            feature_noise: kernel(device, Pass::FEATURE_NOISE, None),
+            gather: kernel(device, Pass::GATHER, None),
+            variance: kernel(device, Pass::VARIANCE, None),
+            wavelet: SequenceWavelet::new(device),
+        }
+    }
+
+    /// The same with one of [`Pass::SEQUENCE`] from changed WGSL, with the same bindings and entry point: for tests that
+    /// plant a difference. Another pass changes nothing.
+    #[must_use]
+    pub fn with_source(&self, device: &wgpu::Device, pass: Pass, source: &str) -> Self {
+        let mut changed = self.clone();
+        let place = [&mut changed.feature_noise, &mut changed.gather, &mut changed.variance];
+        match place.into_iter().find(|kernel| kernel.pass().name == pass.name) {
+            Some(place) => *place = kernel(device, pass, Some(source)),
+            None => changed.wavelet = changed.wavelet.with_source(device, pass, source),
+        }
+        changed
+    }
+
+    /// Stage 3 alone.
+    pub fn wavelet(&self) -> &SequenceWavelet {
+        &self.wavelet
+    }
+}

@@ -1,0 +1,30 @@
+//! The sequence filter on the GPU: feature noise and stages 1 to 3, with the frames of a window kept on the device.
+//!
+//! ```text
+//! passes.rs     what each pass binds
+//! uniforms.rs   what it reads besides planes
+//! kernels.rs    all of them, compiled
+//! window.rs     frames of a window in arrays of textures, buffers for the frame at work
+//! schedule.rs   the order of a frame's dispatches, and what each binds
+//! wavelet.rs    stage 3 alone: its levels, and bands of rows where a picture does not fit
+//! debug.rs      what these hold, as pictures
+//! ```
+
+mod debug;
+mod kernels;
+mod passes;
+mod schedule;
+mod uniforms;
+mod wavelet;
+mod window;
+
+pub use debug::SequenceView;
+pub use kernels::SequenceKernels;
+pub use schedule::{Estimated, SequenceStage};
+pub use wavelet::{Band, SequenceWavelet, WaveletBuffers};
+pub use window::SequenceWindow;
+
+pub(super) use debug::{
+    DEBUG_PASSES, SHOWS_COLOUR, SHOWS_COUNT, SHOWS_DEPTH, SHOWS_DEVIATION, SHOWS_LIGHT, SHOWS_NOISE, SHOWS_SAMPLES,
+};
+pub(super) use uniforms::*;

@@ -1,0 +1,69 @@
+// Twin of reference.rs: stage 3 of the sequence filter, one level for one light.
+//
+// The pass supplies `features_at`, `light_at` (a colour, and the variance of the light's luminance) and `compared_at` (what
+// `compared_mean` made).
+
+// Differences of luminance, squared, that are beyond any stop, and finite over LEAST_VARIANCE.
+const MOST_DIFFERENCE: f32 = 1e24;
+
+// Mean luminance over 3x3 pixels of the same surface, and its variance.
+fn compared_mean(pixel: vec2i) -> vec2f {
+    let p = index_of(pixel);
+    let here = features_at(p);
+    var total = 0.0;
+    var mean = 0.0;
+    var spread = 0.0;
+    for (var dy = -1; dy <= 1; dy++) {
+        for (var dx = -1; dx <= 1; dx++) {
+            let offset = vec2i(dx, dy);
+            if !contains(pixel + offset) {
+                continue;
+            }
+            let q = index_of(pixel + offset);
+            var distance = 0.0;
+            if q != p {
+                distance = guide_distance(here, features_at(q), vec2f(offset), settings.stops);
+            }
+            let g = TENT[abs(dx)] * TENT[abs(dy)] * weight(distance);
+            let colour = light_at(q);
+            total += g;
+            mean += g * luminance(colour.xyz);
+            spread += g * g * colour.w;
+        }
+    }
+    return vec2f(mean / total, spread / (total * total));
+}
+
+// The colour after this level, and the variance of the light's luminance.
+fn filtered_level(pixel: vec2i) -> vec4f {
+    let p = index_of(pixel);
+    let here = features_at(p);
+    let mean = compared_at(p);
+    let squared = select(settings.tolerance, settings.mirror_tolerance, here.colour.w > 0.0);
+    let contrast = settings.least_contrast * mean.x;
+    var total = 0.0;
+    var sum = vec4f(0.0);
+    for (var dy = -2; dy <= 2; dy++) {
+        for (var dx = -2; dx <= 2; dx++) {
+            let offset = vec2i(dx, dy) * settings.step;
+            if !contains(pixel + offset) {
+                continue;
+            }
+            let q = index_of(pixel + offset);
+            var w = SPLINE[abs(dx)] * SPLINE[abs(dy)];
+            if q != p {
+                let there = compared_at(q);
+                let d = mean.x - there.x;
+                let v = mean.y + there.y;
+                let beyond = clamp(d * d - v, 0.0, MOST_DIFFERENCE);
+                let stop = beyond / (squared * v + contrast * contrast + LEAST_VARIANCE);
+                w *= weight(guide_distance(here, features_at(q), vec2f(offset), settings.stops) + stop);
+            }
+            let colour = light_at(q);
+            total += w;
+            sum += vec4f(w * colour.xyz, w * w * colour.w);
+        }
+    }
+    let scale = 1.0 / total;
+    return vec4f(scale * sum.xyz, scale * scale * sum.w);
+}
