@@ -29,14 +29,18 @@
 //! | [`plane`], [`camera`] | images, and the map between pixels and the world |
 //! | [`settings`] | every parameter, declared once; presets |
 //! | [`pipeline`] | the order of the stages: a list that can be printed |
-//! | [`stages`] | the algorithm, one folder a stage, the twins side by side |
-//! | [`kernels`] | what stages share: edge weights, tap patterns, reprojection, the colour clamp |
-//! | [`history`] | what survives a frame, and when it does not |
+//! | [`stages`] | the algorithm, one folder a stage, the twins side by side: of each the specification, `reference::run` |
 //! | [`border`] | the contract enforced: what is repaired, and counted |
 //! | [`denoiser`] | the public face: [`Denoiser`], [`Output`] |
-//! | [`mod@reference`] | the back end that is the specification |
+//! | [`sequence`] | the filter of whole sequences, offline: its contract, settings, stages in order, [`sequence::SequenceDenoiser`] |
 //! | `cpu` | the fast back end (feature `cpu`) |
 //! | `gpu` | the back end on the caller's wgpu device (feature `gpu`) |
+//!
+//! With the feature `internals`, which changes without notice: `kernels` (what stages share), `window` (frames of a sequence as its
+//! stages read them) and those stages, `history`, `reference` (the back end that is the specification), and the parts of a GPU
+//! program. `public-names.txt` lists what is reachable without it.
+
+#![cfg_attr(not(feature = "internals"), allow(dead_code, reason = "the feature `internals` shows it"))]
 
 pub mod border;
 pub mod camera;
@@ -47,8 +51,14 @@ pub mod error;
 pub mod frame;
 #[cfg(feature = "gpu")]
 pub mod gpu;
+#[cfg(feature = "internals")]
 pub mod history;
+#[cfg(not(feature = "internals"))]
+mod history;
+#[cfg(feature = "internals")]
 pub mod kernels;
+#[cfg(not(feature = "internals"))]
+mod kernels;
 mod memory;
 mod par;
 pub mod parameter;
@@ -57,15 +67,24 @@ mod parameter_page;
 mod phased;
 pub mod pipeline;
 pub mod plane;
+#[cfg(feature = "internals")]
 pub mod reach;
+#[cfg(not(feature = "internals"))]
+mod reach;
+#[cfg(feature = "internals")]
 pub mod reference;
+#[cfg(not(feature = "internals"))]
+mod reference;
 pub mod report;
 pub mod sequence;
 pub mod settings;
 #[cfg(feature = "cpu")]
 mod simd;
 pub mod stages;
+#[cfg(feature = "internals")]
 pub mod window;
+#[cfg(not(feature = "internals"))]
+mod window;
 
 pub use camera::{Camera, Projection};
 pub use denoiser::{Backend, Denoiser, Output, OutputBuf};

@@ -8,5 +8,6 @@ mod suite {
     #[cfg(feature = "gpu-native")]
     mod gpu;
     mod invariants;
+    mod public_names;
     mod sequence;
 }

@@ -73,29 +73,43 @@ mod timing;
 mod uniform;
 mod uniforms;
 
-pub use convention::{Convention, DepthKind, MotionUnit, NormalEncoding, NormalSpace, PrepareUniforms, RoughnessKind};
+pub use convention::{Convention, DepthKind, MotionUnit, NormalEncoding, NormalSpace, RoughnessKind};
 pub use debug::{DebugTarget, DebugView, DebugViews};
 pub use denoiser::Denoiser;
 pub use error::Error;
 pub use frame::{Frame, Guides, JointPlane, Output, PackedGuides, Signal, Targets};
-pub use guides::{GuideTexels, pack_guides, pack_spiral};
 pub use inputs::{Channel, GuidePlane, GuideTextures, Scalar};
-pub use kernel::{Bindable, Kernel, PerFrameUniforms};
 pub use options::Options;
-pub use pack::{PackedFrame, PackedSignal, unpack_colours, unpack_fourth, unpack_numbers};
-pub use pass::{Binding, BindingKind, Element, FIRST_BINDING, Pass, Sample, WORKGROUP};
-pub use program::{Bound, Contents, Dispatch, Holds, Memory, Program, Resource, Role, Shown, SignalContents};
 pub use repairs::Repairs;
-pub use sequence::{
-    Band, Estimated, SequenceKernels, SequenceStage, SequenceView, SequenceWavelet, SequenceWindow, WaveletBuffers,
-};
-pub use slot::Slot;
-pub use storage::{Storage, Texel};
-pub use taps::{TAP_FRAMES, pack_taps};
-pub use tile::{Area, Tile, reach_px};
+pub use storage::Storage;
 pub use timing::Timing;
-pub use uniform::{Member, Uniform};
-pub use uniforms::{FrameUniforms, SettingsUniforms, layouts};
+
+/// The parts of a program, for hosts that walk it themselves, and for tests.
+#[allow(unused_imports, reason = "without the feature `internals` few are used")]
+mod internals {
+    pub use super::convention::PrepareUniforms;
+    pub use super::guides::{GuideTexels, pack_guides, pack_spiral};
+    pub use super::kernel::{Bindable, Kernel, PerFrameUniforms};
+    pub use super::pack::{PackedFrame, PackedSignal, unpack_colours, unpack_fourth, unpack_numbers};
+    pub use super::pass::{Binding, BindingKind, Element, FIRST_BINDING, Pass, Sample, WORKGROUP};
+    pub use super::program::{
+        Bound, Contents, Dispatch, Holds, Memory, Program, Resource, Role, Shown, SignalContents,
+    };
+    pub use super::sequence::{
+        Band, Estimated, SequenceKernels, SequenceStage, SequenceView, SequenceWavelet, SequenceWindow, WaveletBuffers,
+    };
+    pub use super::slot::Slot;
+    pub use super::storage::Texel;
+    pub use super::taps::{TAP_FRAMES, pack_taps};
+    pub use super::tile::{Area, Tile, reach_px};
+    pub use super::uniform::{Member, Uniform};
+    pub use super::uniforms::{FrameUniforms, SettingsUniforms, layouts};
+}
+#[cfg(feature = "internals")]
+pub use internals::*;
+#[cfg(not(feature = "internals"))]
+#[allow(unused_imports, reason = "few are used")]
+pub(crate) use internals::*;
 
 /// The wgpu that this release is built for.
 pub use wgpu;

@@ -7,7 +7,7 @@ use crate::pipeline::Image;
 
 /// Which resource.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-#[expect(missing_docs, reason = "the name says it")]
+#[cfg_attr(feature = "internals", expect(missing_docs, reason = "the name says it"))]
 pub enum Slot {
     /// An image of the pipeline. What is remembered lies in `MatteHistory`, `GlossyHistory`, `DirectHistory`, whichever
     /// stage writes it.

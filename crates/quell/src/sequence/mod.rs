@@ -27,13 +27,28 @@ pub mod settings;
 #[cfg(all(test, feature = "cpu"))]
 pub(crate) mod testing;
 
-pub use crate::window::{Features, LightSlot, MotionPlanes, PreparedFrame, SpooledFrame, SurfacePoint};
-pub use accelerator::{AcceleratedWindow, Accelerator, Guide, WaveletJob, WaveletLight};
+#[cfg(feature = "internals")]
+pub use crate::window::{Features, LightSlot, MotionPlanes, SurfacePoint};
+pub use crate::window::{PreparedFrame, SpooledFrame};
+pub use accelerator::Accelerator;
 pub use denoiser::SequenceDenoiser;
-pub use estimate::{EstimateJob, FramePlane, GatheredLight, OnCpu, Place, WindowFrame};
 pub use frame::{Filtered, FilteredLight, Light, LightKind, SequenceFrame};
 pub use pipeline::{SequencePlan, SequenceStage};
 pub(crate) use run::SequenceStages;
+pub use settings::{SEQUENCE_PARAMETERS, SequenceSettings};
+
+/// What a device is handed, for hosts that run stages on one ([`Accelerator`]), and for tests.
+#[allow(unused_imports, reason = "without the feature `internals` few are used")]
+mod device {
+    pub use super::accelerator::{AcceleratedWindow, Guide, WaveletJob, WaveletLight};
+    pub use super::estimate::{EstimateJob, FramePlane, GatheredLight, OnCpu, Place, WindowFrame};
+    pub use crate::window::{Features, LightSlot, MotionPlanes, SurfacePoint};
+}
+#[cfg(feature = "internals")]
+pub use device::*;
+#[cfg(not(feature = "internals"))]
+#[allow(unused_imports, reason = "which ones are used depends on the other features")]
+pub(crate) use device::*;
+
 #[cfg(all(test, feature = "cpu"))]
 pub(crate) use run::stages_of;
-pub use settings::{SEQUENCE_PARAMETERS, SequenceSettings};

@@ -19,7 +19,7 @@ use crate::reach::Reach;
 
 /// One pixel: `terms` are (signal, weight), added in this order.
 #[inline(always)]
-pub fn pixel(direct: Rgb, terms: impl IntoIterator<Item = (Rgb, Rgb)>) -> Rgb {
+pub(crate) fn pixel(direct: Rgb, terms: impl IntoIterator<Item = (Rgb, Rgb)>) -> Rgb {
     let mut sum = direct;
     for (signal, weight) in terms {
         for c in 0..3 {
@@ -30,6 +30,6 @@ pub fn pixel(direct: Rgb, terms: impl IntoIterator<Item = (Rgb, Rgb)>) -> Rgb {
 }
 
 /// The stage looks at the pixel alone.
-pub fn reach() -> Reach {
+pub(crate) fn reach() -> Reach {
     Reach::NONE
 }

@@ -21,6 +21,6 @@ pub mod reference;
 use crate::reach::Reach;
 
 /// How far the stage looks.
-pub fn reach() -> Reach {
+pub(crate) fn reach() -> Reach {
     Reach { frames: 1, footprint: 1, ..Reach::around(1) }
 }

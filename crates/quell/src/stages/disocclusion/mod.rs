@@ -21,6 +21,6 @@ use crate::reach::Reach;
 use crate::settings::Disocclusion;
 
 /// How far the stage looks.
-pub fn reach(s: &Disocclusion) -> Reach {
+pub(crate) fn reach(s: &Disocclusion) -> Reach {
     Reach::around((s.radius + s.blur) as usize)
 }

@@ -22,6 +22,6 @@ use crate::reach::Reach;
 pub(crate) const DIVIDED: f32 = 8.0;
 
 /// How far the stage looks.
-pub fn reach() -> Reach {
+pub(crate) fn reach() -> Reach {
     Reach::around(2)
 }

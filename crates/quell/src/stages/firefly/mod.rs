@@ -20,7 +20,7 @@ pub mod reference;
 use crate::reach::Reach;
 
 /// How far the stage looks.
-pub fn reach() -> Reach {
+pub(crate) fn reach() -> Reach {
     Reach::around(1)
 }
 

@@ -2,7 +2,7 @@
 //!
 //! | | |
 //! |---|---|
-//! | reads | light, feature buffers and motion of the frames of the window ([`PreparedFrame`](crate::sequence::PreparedFrame)) |
+//! | reads | light, feature buffers and motion of the frames of the window ([`PreparedFrame`]) |
 //! | writes | [`Gathered`]: of each light its mean, the variance of one sample, and the samples that the mean is worth |
 //! | reach | `gather.frames` frames before and after; 2 rows around where motion leads |
 //! | equation | mean = sum w c / sum w; n = (sum w)^2 / sum w^2; variance of a sample = weighted spread * n / (n - 1) |
@@ -43,7 +43,7 @@ pub struct Gathered {
 }
 
 /// How far the stage looks.
-pub fn reach(s: &Gather) -> Reach {
+pub(crate) fn reach(s: &Gather) -> Reach {
     Reach { frames: s.frames, footprint: FOOTPRINT, ..Reach::NONE }
 }
 

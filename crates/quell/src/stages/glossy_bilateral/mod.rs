@@ -36,7 +36,7 @@ pub enum Axis {
 }
 
 /// tan(theta) over squared roughness, theta being half the lobe's width \[O].
-pub const LOBE_SPREAD: f32 = 2.0;
+pub(crate) const LOBE_SPREAD: f32 = 2.0;
 
 /// The kernel's sizes in pixels of this image.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -138,7 +138,7 @@ fn normal_change(guides: &Guides, axis: Axis, x: usize, y: usize) -> f32 {
 }
 
 /// How far a pass looks in a picture of `rows` rows: along its axis the kernel, around the pixel what its radius depends on.
-pub fn reach(s: &GlossyBilateral, axis: Axis, rows: usize) -> Reach {
+pub(crate) fn reach(s: &GlossyBilateral, axis: Axis, rows: usize) -> Reach {
     let kernel = KernelSize::new(s, rows);
     let along = kernel.max_radius_px.max(kernel.constant_radius_px).ceil() as usize + 1;
     match axis {

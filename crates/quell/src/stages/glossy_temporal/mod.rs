@@ -22,7 +22,7 @@ use crate::reach::Reach;
 use crate::settings::GlossyTemporal;
 
 /// How far the stage looks.
-pub fn reach(s: &GlossyTemporal) -> Reach {
+pub(crate) fn reach(s: &GlossyTemporal) -> Reach {
     // 1: the hit distance around the pixel.
     Reach { frames: 1, footprint: 1, ..Reach::around(s.clip_radius.max(1) as usize) }
 }

@@ -16,6 +16,6 @@ use crate::reach::Reach;
 use crate::settings::MatteBilateral;
 
 /// How far the stage looks in a picture of `rows` rows.
-pub fn reach(s: &MatteBilateral, rows: usize) -> Reach {
+pub(crate) fn reach(s: &MatteBilateral, rows: usize) -> Reach {
     Reach::around(SpiralShape::farthest(|frame| SpiralShape::bilateral(s, rows, frame)))
 }

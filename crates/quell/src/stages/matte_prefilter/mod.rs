@@ -21,6 +21,6 @@ use crate::reach::Reach;
 use crate::settings::MattePrefilter;
 
 /// How far the stage looks in a picture of `rows` rows.
-pub fn reach(s: &MattePrefilter, rows: usize) -> Reach {
+pub(crate) fn reach(s: &MattePrefilter, rows: usize) -> Reach {
     Reach::around(SpiralShape::farthest(|frame| SpiralShape::prefilter(s, rows, frame)))
 }

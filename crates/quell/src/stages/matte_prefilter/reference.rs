@@ -15,7 +15,7 @@ pub fn run(input: &[Plane<Rgb>], guides: &Guides, settings: &Settings, frame: i6
 }
 
 /// The sparse cross-bilateral filter with a given spiral.
-pub fn sparse_bilateral(
+pub(crate) fn sparse_bilateral(
     input: &[Plane<Rgb>],
     guides: &Guides,
     stops: &EdgeStops,

@@ -23,6 +23,6 @@ use crate::reach::Reach;
 use crate::settings::MatteTemporal;
 
 /// How far the stage looks.
-pub fn reach(s: &MatteTemporal) -> Reach {
+pub(crate) fn reach(s: &MatteTemporal) -> Reach {
     Reach { frames: 1, footprint: 1, ..Reach::around(s.clip_radius as usize) }
 }

@@ -41,7 +41,7 @@ pub fn run(current: &[Plane<Rgb>], history: Option<Remembered<'_>>, now: &Guides
 }
 
 /// Fetch, clamp and blend at the places that `look_up` finds: what stages 3 and 8 have in common.
-pub fn accumulate(
+pub(crate) fn accumulate(
     current: &[Plane<Rgb>],
     history: Option<Remembered<'_>>,
     now: &Guides,

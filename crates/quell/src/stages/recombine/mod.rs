@@ -24,7 +24,7 @@ use crate::window::{Class, Features, LightSlot, Packed};
 pub(crate) const LEAST_PICTURE: f32 = 1e-8;
 
 /// The stage looks at the pixel alone.
-pub fn reach() -> Reach {
+pub(crate) fn reach() -> Reach {
     Reach::NONE
 }
 

@@ -46,6 +46,6 @@ const WINDOW: usize = 3 + 1 + 2;
 const FOOTPRINT: usize = 2;
 
 /// How far the stage looks.
-pub fn reach(s: &Stabilise) -> Reach {
+pub(crate) fn reach(s: &Stabilise) -> Reach {
     Reach { frames: s.frames, footprint: FOOTPRINT, ..Reach::around(WINDOW) }
 }

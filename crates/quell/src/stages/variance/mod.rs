@@ -20,6 +20,6 @@ use crate::reach::Reach;
 use crate::sequence::settings::Variance;
 
 /// How far the stage looks.
-pub fn reach(s: &Variance) -> Reach {
+pub(crate) fn reach(s: &Variance) -> Reach {
     Reach::around(s.radius as usize)
 }

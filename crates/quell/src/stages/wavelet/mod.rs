@@ -48,11 +48,11 @@ pub(crate) fn tolerance(s: &Wavelet, kind: LightKind) -> f32 {
 }
 
 /// How far some levels look: each compares means over 3x3 pixels, and takes taps two steps away.
-pub fn reach_of(levels: u32) -> Reach {
+pub(crate) fn reach_of(levels: u32) -> Reach {
     Reach::around((0..levels).map(|level| 2 * (1usize << level) + 1).sum())
 }
 
 /// How far the stage looks.
-pub fn reach(s: &Wavelet) -> Reach {
+pub(crate) fn reach(s: &Wavelet) -> Reach {
     reach_of(s.levels.max(s.transmission_levels))
 }
