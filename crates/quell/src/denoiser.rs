@@ -132,10 +132,10 @@ pub struct Output<'a> {
     glossy_passes: &'a [Plane<Rgb>],
 }
 
-/// A frame that was denoised elsewhere, as on a GPU, and whose planes this program holds.
+/// A frame that a GPU denoised, read back to memory.
 #[derive(Clone, Debug)]
 pub struct OutputBuf {
-    /// As in [`Output`], likewise below.
+    /// As in [`Output`]; so are the following.
     pub composite: Plane<Rgb>,
     /// Direct light as composited.
     pub direct: Plane<Rgb>,

@@ -51,7 +51,7 @@ pub enum Error {
         /// Extent found.
         found: Size,
     },
-    /// What a host runs elsewhere failed ([`crate::sequence::Accelerator`]); the filter gave up the frames inside it.
+    /// What a host runs on a device failed ([`crate::sequence::Accelerator`]); the filter gave up the frames inside it.
     #[error("{name}: {reason}")]
     Accelerator {
         /// What computes.

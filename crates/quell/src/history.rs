@@ -3,7 +3,7 @@
 //! | what | reset when |
 //! |---|---|
 //! | matte history, its length | a cut; `Denoiser::reset`; the signal, its passes (by name and order) or the stage's switch come or go |
-//! | glossy history, its length | likewise |
+//! | glossy history, its length | the same of the glossy signal |
 //! | direct history | a cut; `Denoiser::reset`; a frame without jitter |
 //! | guides of the frame before | a cut; `Denoiser::reset` |
 //! | everything | `Denoiser::resize` |
@@ -21,9 +21,9 @@ use crate::settings::Settings;
 pub struct Validity {
     /// The previous guides and the matte history can be used.
     pub matte: bool,
-    /// Likewise glossy.
+    /// The glossy history can be used.
     pub glossy: bool,
-    /// Likewise direct.
+    /// The direct history can be used.
     pub direct: bool,
 }
 
@@ -41,7 +41,7 @@ impl Ledger {
         self.open_keyed(frame.index, keys(frame))
     }
 
-    /// Likewise, from the frame's index and what [`passes_key`] makes of the passes tied to each signal.
+    /// The same from the frame's index and what [`passes_key`] makes of the passes tied to each signal.
     pub(crate) fn open_keyed(&self, index: i64, passes: [u64; 2]) -> Validity {
         let consecutive = self.last_index.is_some_and(|i| index.checked_sub(i).is_some_and(|d| d.abs() == 1));
         if !consecutive {

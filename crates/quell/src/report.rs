@@ -23,7 +23,7 @@ impl StageTimes {
         Stage::ALL.into_iter().filter_map(|s| self.get(s).map(|t| (s, t)))
     }
 
-    /// Notes a time that was measured elsewhere, as on a GPU.
+    /// Notes a time that was measured by a device.
     pub fn set(&mut self, stage: Stage, time: Duration) {
         self.times[stage as usize] = Some(time);
     }

@@ -214,7 +214,7 @@ parameters! {
         rotate: bool = true, (), "", "The pattern changes from frame to frame.",
             higher "Pattern noise averages out over time.", lower "The pattern stands still.", source "[O] engine default on";
         off_screen: OffScreen = OffScreen::Skip, (), "", "Taps beyond the image's edge.",
-            higher "`mirror`: as many taps at the edge as elsewhere.", lower "`skip`: fewer.", source "[O]";
+            higher "`mirror`: as many taps at the edge as inside.", lower "`skip`: fewer.", source "[O]";
     }
     /// Stage 5.
     disocclusion: Disocclusion {
@@ -262,7 +262,7 @@ parameters! {
         rotate: bool = true, (), "", "The pattern changes from frame to frame.",
             higher "Flickers where taps are few.", lower "The pattern stands still, and may show.", source "[O]";
         off_screen: OffScreen = OffScreen::Skip, (), "", "Taps beyond the image's edge.",
-            higher "`mirror`: as many taps at the edge as elsewhere.", lower "`skip`: fewer.", source "[O]";
+            higher "`mirror`: as many taps at the edge as inside.", lower "`skip`: fewer.", source "[O]";
     }
     /// Stage 8.
     glossy_temporal: GlossyTemporal {

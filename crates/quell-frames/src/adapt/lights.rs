@@ -72,7 +72,7 @@ impl SumRule {
     ) -> Result<Self, Error> {
         let usual = mapping.renderer.colour_inside.unwrap_or(true);
         let terms = terms(mapping);
-        let steady = |kind: &LightKind| *kind == LightKind::Steady;
+        let steady = |kind: &LightKind| *kind == LightKind::NoiseFree;
         let factored = !beauty_only && terms.iter().any(|(_, kind, _)| !steady(kind));
         let Some(beauty) = mapping.get(Role::Beauty) else {
             return Ok(Self { colour_inside: usual, residual: None, complete: true, factored: true });

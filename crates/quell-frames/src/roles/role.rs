@@ -137,7 +137,7 @@ impl Role {
             Self::GlossyIndirect | Self::CoatIndirect | Self::Glossy | Self::Coat => LightKind::GlossyIndirect,
             Self::TransmissionDirect | Self::TransmissionIndirect | Self::Transmission => LightKind::Transmission,
             Self::VolumeDirect | Self::VolumeIndirect | Self::Volume => LightKind::Volume,
-            Self::Emission | Self::Environment => LightKind::Steady,
+            Self::Emission | Self::Environment => LightKind::NoiseFree,
             _ => return None,
         })
     }

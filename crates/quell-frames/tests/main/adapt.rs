@@ -95,8 +95,8 @@ fn blender_passes_become_lights_with_their_colours_and_all_layouts_agree() {
             K::Transmission,
             K::Volume,
             K::Volume,
-            K::Steady,
-            K::Steady,
+            K::NoiseFree,
+            K::NoiseFree,
         ];
         assert_eq!(kinds, expected, "{file}");
         assert!(

@@ -123,7 +123,7 @@ fn sequence_frame(frame: &Frame<'_>) -> Result<SequenceFrame, Error> {
         ("glossy", LightKind::GlossyIndirect, frame.glossy, &weights[1]),
         ("direct_matte", LightKind::MatteDirect, frame.direct_matte, &weights[0]),
         ("direct_glossy", LightKind::GlossyDirect, frame.direct_glossy, &weights[1]),
-        ("direct", LightKind::Steady, frame.direct, &None),
+        ("direct", LightKind::NoiseFree, frame.direct, &None),
     ] {
         let Some(light) = light else { continue };
         out.lights.push(Light { weight: weight.clone(), ..Light::new(name, kind, owned(light)) });

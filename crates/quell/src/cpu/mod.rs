@@ -69,7 +69,7 @@ pub struct Cpu {
     spiral: Spiral,
     /// Radii of the glossy kernel, from stage 9 to stage 10.
     radius: Option<Colours>,
-    /// What stage 3 tells stage 8 of the surfaces, and whether it did in this frame.
+    /// Where stage 3 found each surface, which stage 8 reads, and whether it did so in this frame.
     seen: Vec<f32>,
     seen_now: bool,
 }
@@ -224,22 +224,22 @@ impl Cpu {
                 match history.as_ref().filter(|h| valid && h.planes == input.planes) {
                     Some(colours) => {
                         let remembered = temporal::Remembered { colours, length: kept_before };
-                        let told = self.seen_now && signal == Signal::Glossy;
-                        let tells = signal == Signal::Matte
+                        let reads = self.seen_now && signal == Signal::Glossy;
+                        let writes = signal == Signal::Matte
                             && settings.glossy_temporal.enabled
                             && validity.glossy
                             && temporal::mirrors(settings, guides);
-                        if tells {
+                        if writes {
                             self.seen.resize(pixels, 0.0);
                             self.seen_now = true;
                         }
-                        let (seen, tell) = match (told, tells) {
+                        let (seen, written) = match (reads, writes) {
                             (true, _) => (Some(&*self.seen), None),
                             (_, true) => (None, Some(&mut *self.seen)),
                             _ => (None, None),
                         };
                         let filter = temporal::Filter { level, guides, settings, signal, seen };
-                        let memory = temporal::Memory { confidence, length, kept, seen: tell };
+                        let memory = temporal::Memory { confidence, length, kept, seen: written };
                         temporal::run(&filter, &input, remembered, &mut output, memory);
                     }
                     None => {

@@ -29,7 +29,7 @@ pub fn bytes_per_pixel(plan: &Plan, settings: &Settings, stage: Stage) -> Option
     let filtered = 2 * COLOUR + SURFACE + ROUGHNESS;
     let moved = match stage {
         Stage::MatteTemporal => blended + 2 * SURFACE + ROUGHNESS + MOTION + seen,
-        // Its own guides, the hit distance, the previous guides; motion only where nobody told it of the surfaces.
+        // Its own guides, the hit distance, the previous guides; motion only where stage 3 did not find the surfaces for it.
         Stage::GlossyTemporal => blended + 2 * (SURFACE + ROUGHNESS) + SCALAR + if shares { seen } else { MOTION },
         Stage::MattePrefilter | Stage::MatteBilateral => filtered,
         // Maximum and blur along rows and down columns: four passes over scalars; then the blends.
@@ -65,7 +65,7 @@ mod tests {
         assert_eq!(of(&plan, &settings, Stage::MattePrefilter), Some(48));
         assert_eq!(of(&plan, &settings, Stage::MatteBilateral), Some(48 + 24));
         assert!(Stage::ALL.into_iter().all(|s| of(&plan, &settings, s).is_some()));
-        // Without stage 3 nobody tells stage 8: it reads motion, 8 bytes, not what was told, 4.
+        // Without stage 3, stage 8 reads motion, 8 bytes, not the surfaces that stage 3 found, 4.
         let shared = of(&plan, &settings, Stage::GlossyTemporal).unwrap();
         settings.matte_temporal.enabled = false;
         let alone = Plan::new(&settings, Inputs::ALL);

@@ -7,7 +7,7 @@ use crate::border::Guides;
 use crate::settings::{Rejection, Surface as SurfaceSettings};
 use glam::{Vec2, Vec3};
 
-/// The surface that history must show: where it was, as far as motion tells.
+/// The surface that history must show: where it was, as far as motion shows.
 #[derive(Clone, Copy, Debug)]
 pub struct Expected {
     /// Its place in the previous image, continuous pixel coordinate.
@@ -67,7 +67,7 @@ pub fn expected_surface(
     if !moved {
         return Some(Expected { coordinate, position, normal: Vec3::from(now.normal.at(x, y)), view_depth, moved });
     }
-    // Motion tells the pixel but not the depth: the nearest previous pixel of the same object anchors the plane.
+    // Motion gives the pixel but not the depth: the nearest previous pixel of the same object anchors the plane.
     let nearest = taps(now, coordinate)
         .into_iter()
         .flatten()

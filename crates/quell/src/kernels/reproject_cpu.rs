@@ -14,7 +14,7 @@ use glam::{Vec2, Vec3};
 pub(crate) const LANES: usize = 64;
 /// One value for each of them.
 pub(crate) type Lanes = [f32; LANES];
-/// Likewise of a vector.
+/// The same of a vector.
 pub(crate) type Lanes3 = [Lanes; 3];
 
 /// The pixels of a run, what they show, and what history must show there.
@@ -158,7 +158,7 @@ impl Expected {
         self.bent = [0; LANES];
     }
 
-    /// Motion tells the pixel but not the depth: the nearest previous pixel of the same object anchors the plane.
+    /// Motion gives the pixel but not the depth: the nearest previous pixel of the same object anchors the plane.
     #[inline(never)]
     fn anchor(&mut self, guides: &CpuGuides, settings: &SurfaceSettings, i: usize) {
         let before = &guides.before;

@@ -52,7 +52,7 @@ pub(crate) struct CpuGuides {
     pub phases: Phases,
     pub now: Surfaces,
     pub before: Surfaces,
-    /// The camera of the frame before, as this frame tells it.
+    /// The camera of the frame before, as this frame has it.
     pub previous_view: Projection,
     /// Previous = current + motion, pixels; NaN: unknown. Row by row x, y.
     pub motion: Vec<f32>,
@@ -182,7 +182,7 @@ fn resize(data: &mut Vec<f32>, wanted: bool, len: usize) {
     }
 }
 
-/// Where a plane's values go, and what is told of their repair.
+/// Where a plane's values go, and where repairs are counted.
 struct Reading<'a> {
     level: Level,
     phases: &'a Phases,
@@ -218,7 +218,7 @@ impl Reading<'_> {
         }
     }
 
-    /// Likewise of vectors.
+    /// The same of vectors.
     fn vectors<const N: usize>(
         &mut self,
         source: PlaneRef<'_, [f32; N]>,

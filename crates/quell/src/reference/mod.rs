@@ -83,7 +83,7 @@ impl Reference {
         self.run_with(frame, settings, plan, valid, sanitised, times, |_| None)
     }
 
-    /// Likewise, but a stage for which `given` has what another back end made of it is not run: its images are taken as
+    /// As [`Reference::run`], but a stage for which `given` has what another back end made of it is not run: its images are taken as
     /// they are. For bisecting: "the GPU up to stage k, then the reference".
     ///
     /// # Errors

@@ -1,4 +1,4 @@
-//! What a host may run elsewhere, such as on a GPU: stages of the filter as plain numbers in and out.
+//! Stages that a host may run on a device, such as a GPU: plain numbers in and out.
 //!
 //! The filter itself opens no device and waits for none. It hands a stage to whoever was given to
 //! [`super::SequenceDenoiser::with_accelerator`], and takes what comes back.
@@ -18,11 +18,11 @@ pub trait Accelerator: std::fmt::Debug + Send + Sync {
     /// What computes, as files and messages name it: results of two that differ in name may differ in bits.
     fn name(&self) -> String;
 
-    /// Stage 3 ([`crate::sequence`], `wavelet.rs`): filters every light of [`WaveletJob::lights`] and hands each back
+    /// Stage 3 ([`crate::sequence`], `stages/wavelet`): filters every light of [`WaveletJob::lights`] and hands each back
     /// with [`WaveletJob::store`].
     ///
     /// # Errors
-    /// A sentence for the user. The filter gives up what it holds: nothing is computed elsewhere instead.
+    /// A sentence for the user. The filter gives up what it holds: no other back end takes over.
     fn wavelet(&self, job: &mut WaveletJob<'_>) -> Result<(), String>;
 
     /// Begins a run of frames that follow each other, which stay there while the filter's window holds them. `None`:
@@ -31,7 +31,7 @@ pub trait Accelerator: std::fmt::Debug + Send + Sync {
         None
     }
 
-    /// What the user should know of the way it went; `all`: also where everything went well, such as memory that it
+    /// What the user should know of how it went; `all`: also where everything went well, such as memory that it
     /// took.
     fn notes(&self, all: bool) -> Vec<String> {
         let _ = all;
@@ -39,10 +39,10 @@ pub trait Accelerator: std::fmt::Debug + Send + Sync {
     }
 }
 
-/// Frames of one filter on their way through an [`Accelerator`], until a cut or the end.
+/// Frames of one filter that are kept by an [`Accelerator`], until a cut or the end.
 pub trait AcceleratedWindow: std::fmt::Debug + Send {
-    /// Stages 1 to 3: what [`EstimateJob`] asks for is handed back with its `store` functions. False: this frame is not
-    /// for it ([`EstimateJob::unfit`], or want of memory), and nothing was stored; the filter does stages 1 and 2
+    /// Stages `gather` to `wavelet`: what [`EstimateJob`] asks for is handed back with its `store` functions. False: this frame is not
+    /// for it ([`EstimateJob::unfit`], or want of memory), and nothing was stored; the filter runs `gather` and `variance`
     /// itself and asks for [`Accelerator::wavelet`].
     ///
     /// # Errors
@@ -50,7 +50,7 @@ pub trait AcceleratedWindow: std::fmt::Debug + Send {
     fn estimate(&mut self, job: &mut EstimateJob<'_>) -> Result<bool, String>;
 }
 
-/// What is asked of the wavelet for one light: a twin of `wavelet.rs` needs no more, besides [`WaveletJob`]'s planes.
+/// What is asked of the wavelet for one light: a twin of `stages/wavelet` needs no more, besides [`WaveletJob`]'s planes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct WaveletLight {
@@ -82,7 +82,7 @@ pub struct WaveletLight {
     pub seen_normal: f32,
     /// Standard deviations, squared, of the luminance stop.
     pub tolerance: f32,
-    /// Likewise where [`Guide::SeenColour`] is marked as a mirror.
+    /// The same where [`Guide::SeenColour`] is marked as a mirror.
     pub mirror_tolerance: f32,
 }
 
@@ -158,7 +158,7 @@ impl std::fmt::Debug for WaveletJob<'_> {
 }
 
 impl<'a> WaveletJob<'a> {
-    /// Arguments as `wavelet::wavelet` takes them. Colours that shaders cannot be trusted with are an error.
+    /// Arguments as `stages::wavelet` takes them. Colours that shaders cannot be trusted with are an error.
     pub(super) fn new(
         frame: &'a PreparedFrame,
         local: &'a LocalFeatures,

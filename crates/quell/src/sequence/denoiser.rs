@@ -41,7 +41,7 @@ enum Device {
     /// Not asked yet.
     #[default]
     Unknown,
-    /// They are not: stages 1 and 2 run here.
+    /// They are not: `gather` and `variance` run here.
     Absent,
     Window(Box<dyn AcceleratedWindow>),
 }

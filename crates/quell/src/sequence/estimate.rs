@@ -1,4 +1,4 @@
-//! Stages 1 to 3 of one frame as a host may run them elsewhere, with the frames of the window kept there: which planes
+//! Stages `gather` to `wavelet` of one frame as a host may run them on a device that keeps the frames of the window: which planes
 //! of which frames are needed, what is asked of each light, and where the result goes.
 //!
 //! A frame's planes change once after it has come: motion to the next frame is known when that has come, too. Nobody
@@ -25,9 +25,9 @@ pub enum FramePlane {
     ToPrevious,
     /// Motion to the next frame. Not of the window's last: it may not be known yet.
     ToNext,
-    /// Motion of what mirrors and glass show; elsewhere the surface's.
+    /// Motion of what mirrors and glass show; at other pixels the surface's.
     ReflectionToPrevious,
-    /// Likewise to the next frame.
+    /// The same to the next frame.
     ReflectionToNext,
     /// Colour that mirrors and glass show, tone-mapped: four halves, the last 0.
     SeenColour,
@@ -91,7 +91,7 @@ impl From<gather::Place> for Place {
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct GatheredLight {
-    /// Stage 3, and the light's place in the job. No levels: stages 2 and 3 leave it as it is.
+    /// What `wavelet` is asked for, and the light's place in the job. No levels: `variance` and `wavelet` leave it as it is.
     pub wavelet: WaveletLight,
     /// Number of its first plane ([`FramePlane::Samples`]); its others follow.
     pub first: usize,
@@ -110,17 +110,17 @@ pub struct GatheredLight {
 /// What this processor makes of a light, for tests of agreement.
 #[derive(Clone, Debug, PartialEq)]
 pub struct OnCpu {
-    /// Of each plane: three channels, pixel by pixel, after stage 1.
+    /// Of each plane: three channels, pixel by pixel, after `gather`.
     pub means: Vec<Vec<[f32; 3]>>,
     /// Variance of one sample's luminance.
     pub spread: Vec<f32>,
     /// Samples that the mean is worth.
     pub count: Vec<f32>,
-    /// Variance of the mean's luminance, after stage 2.
+    /// Variance of the mean's luminance, after `variance`.
     pub variance: Vec<f32>,
 }
 
-/// Stages 1 to 3 of one frame, or of a band of its rows.
+/// Stages `gather` to `wavelet` of one frame, or of a band of its rows.
 pub struct EstimateJob<'a> {
     window: &'a [&'a PreparedFrame],
     centre: usize,
@@ -200,12 +200,12 @@ impl<'a> EstimateJob<'a> {
         if self.settings.gather.future { 2 * frames + 1 } else { frames + 1 }
     }
 
-    /// Settings of stage 1.
+    /// Settings of `gather`.
     pub fn gather(&self) -> &Gather {
         &self.settings.gather
     }
 
-    /// Settings of stage 2.
+    /// Settings of `variance`.
     pub fn variance(&self) -> &Variance {
         &self.settings.variance
     }
@@ -251,7 +251,7 @@ impl<'a> EstimateJob<'a> {
                 given: slot.kind == LightKind::Beauty && self.here().variance.is_some(),
             }
         };
-        self.slots.iter().enumerate().filter(|(_, slot)| slot.kind != LightKind::Steady).map(asked).collect()
+        self.slots.iter().enumerate().filter(|(_, slot)| slot.kind != LightKind::NoiseFree).map(asked).collect()
     }
 
     /// A plane of a frame, row by row, each row filled up to a multiple of `align` bytes. Zeros where the frame has

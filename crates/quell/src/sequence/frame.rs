@@ -27,7 +27,7 @@ pub enum LightKind {
     /// Everything at once: a beauty from which nothing could be told apart.
     Beauty,
     /// Noise-free light (emission, environment): all its noise is that of edges. Never filtered across pixels.
-    Steady,
+    NoiseFree,
 }
 
 /// One light pass.

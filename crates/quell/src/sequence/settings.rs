@@ -47,11 +47,11 @@ parameters! {
             higher "`--history both`: no noisy first frame, less lag.", lower "`--history past`.", source "ours";
         matte_decay: f32 = 0.97, 0.0..=1.0, "per frame", "Weight of a matte sample one frame further away.",
             higher "Less noise, more lag.", lower "Follows moving shadows.", source "ours";
-        glossy_direct_decay: f32 = 0.8, 0.0..=1.0, "per frame", "Likewise of highlights.",
+        glossy_direct_decay: f32 = 0.8, 0.0..=1.0, "per frame", "Weight of a highlight's sample one frame further away.",
             higher "Less noise, more smear.", lower "Noisier highlights.", source "ours";
-        glossy_decay: f32 = 0.7, 0.0..=1.0, "per frame", "Likewise of reflections, which do not move with the surface.",
+        glossy_decay: f32 = 0.7, 0.0..=1.0, "per frame", "The same of reflections, which do not move with the surface.",
             higher "Less noise, more smear.", lower "Noisier reflections.", source "ours";
-        transmission_decay: f32 = 0.6, 0.0..=1.0, "per frame", "Likewise of light through glass.",
+        transmission_decay: f32 = 0.6, 0.0..=1.0, "per frame", "The same of light through glass.",
             higher "Less noise, more smear.", lower "Noisier glass.", source "ours";
         seen_albedo: f32 = 0.06, 0.01..=16.0, "of the tone-mapped range", "Tolerance of the albedo seen in mirrors and through glass.",
             higher "Reflections smear.", lower "Noisier ones.", source "ours";
@@ -59,7 +59,7 @@ parameters! {
             higher "Noisier reflections.", lower "They smear.", source "ours";
         plane_distance: f32 = 2.0, 0.0..=64.0, "pixel sizes at that depth", "Distance from the tangent plane at which a point of another frame is another surface.",
             higher "Samples cross small steps.", lower "Curved surfaces lose samples.", source "ours";
-        travel: f32 = 0.25, 0.0..=1.0, "of the picture's height", "How far up or down a way may lead from its pixel.",
+        travel: f32 = 0.25, 0.0..=1.0, "of the picture's height", "How far up or down a trajectory may lead from its pixel.",
             higher "Fast vertical motion keeps more frames; bands of a picture need wider margins.", lower "It loses samples.", source "ours: docs/sequence.md";
         round_trip: f32 = 0.15, 0.0..=16.0, "pixels", "How far there and back again may miss for a surface that moves.",
             higher "Ghosts behind moving things.", lower "Rotating things lose samples.", source "ours";

@@ -81,6 +81,6 @@ pub(crate) const KINDS: [LightKind; 8] = [
     LightKind::GlossyIndirect,
     LightKind::Transmission,
     LightKind::Beauty,
-    LightKind::Steady,
+    LightKind::NoiseFree,
     LightKind::Volume,
 ];

@@ -59,7 +59,7 @@ impl Class {
             LightKind::GlossyDirect | LightKind::GlossyIndirect | LightKind::Transmission => Self::Seen,
             LightKind::Beauty => Self::Coloured,
             LightKind::Volume => Self::Free,
-            LightKind::MatteDirect | LightKind::MatteIndirect | LightKind::Steady => Self::Surface,
+            LightKind::MatteDirect | LightKind::MatteIndirect | LightKind::NoiseFree => Self::Surface,
         }
     }
 }

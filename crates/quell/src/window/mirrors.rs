@@ -7,7 +7,7 @@ use crate::plane::Plane;
 use crate::sequence::settings::Mirrors;
 use crate::sequence::{Light, LightKind, SequenceFrame};
 
-/// The colour of what is seen in mirrors and through glass; 1 elsewhere. Divided by it, a reflection is as smooth as the
+/// The colour of what is seen in mirrors and through glass; 1 at other pixels. Divided by it, a reflection is as smooth as the
 /// light on the things reflected. Where a surface has a diffuse colour of its own (what multiplies matte light, or else the
 /// albedo), the renderer's `seen` albedo is that colour, which the reflection does not carry.
 pub(super) fn mirror_colour(frame: &SequenceFrame, s: &Mirrors) -> Option<Packed> {

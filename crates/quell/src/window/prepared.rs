@@ -82,7 +82,7 @@ impl PreparedFrame {
             ..MotionPlanes::default()
         };
         let features = Features { motion, ..Features::new(&frame, settings) };
-        // In a medium even what is steady behind it has noise: whether a ray gets there is chance.
+        // In a medium even noise-free light behind it has noise: whether a ray gets there is chance.
         let lit = |light: &Light| light.light.data().iter().flatten().any(|&c| c > 0.0);
         let foggy = frame.lights.iter().any(|l| l.kind == LightKind::Volume && lit(l));
         let shape = frame.lights.iter().map(|l| (l.kind, 1 + l.joint.len())).collect();
@@ -95,7 +95,7 @@ impl PreparedFrame {
         let mut shared: Vec<(Arc<Plane<Rgb>>, Arc<Weight>)> = Vec::new();
         let (mut planes, mut repaired) = (0, 0);
         for (index, light) in frame.lights.into_iter().enumerate() {
-            let kind = if foggy && light.kind == LightKind::Steady { LightKind::MatteIndirect } else { light.kind };
+            let kind = if foggy && light.kind == LightKind::NoiseFree { LightKind::MatteIndirect } else { light.kind };
             let mut colours: Vec<_> = std::iter::once(light.light).chain(light.joint).collect();
             slots.push(LightSlot { kind, light: index, first: planes, planes: colours.len() });
             planes += colours.len();
@@ -103,7 +103,7 @@ impl PreparedFrame {
             let black = colours.iter().all(|plane| plane.data().iter().flatten().all(|c| *c == 0.0));
             stored.push(if black {
                 Samples::Black
-            } else if kind == LightKind::Steady {
+            } else if kind == LightKind::NoiseFree {
                 Samples::Own(colours)
             } else {
                 let first = packed.len();

@@ -39,7 +39,7 @@ fn frame(t: i64) -> SequenceFrame {
     let half = |plane: &Plane<Rgb>, share: f32| Plane::from_fn(SIZE, |x, y| plane.at(x, y).map(|c| c * share));
     matte.joint = vec![half(&matte.light, 0.25), half(&matte.light, 0.75)];
     let glossy = Light::new("glossy", LightKind::GlossyIndirect, Plane::from_fn(SIZE, noisy(2)));
-    let steady = Light::new("emission", LightKind::Steady, Plane::from_fn(SIZE, |x, _| [x as f32 * 0.01; 3]));
+    let steady = Light::new("emission", LightKind::NoiseFree, Plane::from_fn(SIZE, |x, _| [x as f32 * 0.01; 3]));
     frame.lights = vec![matte, glossy, steady];
     frame.depth = Some(Plane::filled(SIZE, 4.0));
     frame.normal = Some(Plane::filled(SIZE, [0.0, 0.0, 1.0]));
@@ -117,7 +117,7 @@ fn energy_is_kept() {
 }
 
 #[test]
-fn joint_planes_add_up_and_steady_light_is_untouched() {
+fn joint_planes_add_up_and_noise_free_light_is_untouched() {
     let out = run(&settings(&[("stabilise.frames", "0")]), (0..4).map(frame));
     for f in &out {
         for i in 0..SIZE.pixels() {
@@ -489,7 +489,7 @@ fn tall(t: i64) -> SequenceFrame {
         })
     };
     let colour = Arc::new(Plane::from_fn(TALL, |x, y| [0.3 + 0.6 * random(x, y / 5, 0, 9); 3]));
-    for (k, kind) in [LightKind::MatteDirect, LightKind::MatteIndirect, LightKind::GlossyIndirect, LightKind::Steady]
+    for (k, kind) in [LightKind::MatteDirect, LightKind::MatteIndirect, LightKind::GlossyIndirect, LightKind::NoiseFree]
         .into_iter()
         .enumerate()
     {

@@ -1,7 +1,7 @@
 //! The schedule of stages 3 and 8: band by band, block by block, row by row, phase by phase; what a run needs of the
 //! previous image is collected, then computed on together.
 //!
-//! Both stages ask where the surface was. Stage 3 tells stage 8 what came of it.
+//! Both stages ask where the surface was. Stage 8 reads what stage 3 found.
 
 use crate::frame::Signal;
 use crate::kernels::clip_cpu::{Columns, Moments};
@@ -26,7 +26,7 @@ pub(crate) struct Filter<'a> {
     pub guides: &'a CpuGuides,
     pub settings: &'a Settings,
     pub signal: Signal,
-    /// What stage 3 told of the surfaces of this frame ([`visible`]), phase order.
+    /// Where stage 3 found the surfaces of this frame ([`visible`]), phase order.
     pub seen: Option<&'a [f32]>,
 }
 

@@ -56,7 +56,7 @@ pub(crate) fn decay(gather: &Gather, kind: LightKind) -> f32 {
         LightKind::GlossyDirect => gather.glossy_direct_decay,
         LightKind::GlossyIndirect => gather.glossy_decay,
         LightKind::Transmission => gather.transmission_decay,
-        LightKind::Steady => 0.0,
+        LightKind::NoiseFree => 0.0,
         LightKind::MatteDirect | LightKind::MatteIndirect | LightKind::Volume | LightKind::Beauty => gather.matte_decay,
     }
 }
@@ -87,7 +87,7 @@ pub(crate) fn lit(window: &[&PreparedFrame], centre: usize) -> Vec<LightSlot> {
     let black = |frame: &PreparedFrame, light: usize| matches!(frame.stored[light], Samples::Black);
     let mut first = 0;
     let lit = window[centre].slots.iter().filter(|slot| match slot.kind {
-        LightKind::Steady => !black(window[centre], slot.light),
+        LightKind::NoiseFree => !black(window[centre], slot.light),
         _ => window.iter().any(|frame| !black(frame, slot.light)),
     });
     let packed = lit.map(|slot| {

@@ -55,11 +55,10 @@ fn follow(
     for k in 1..=steps {
         let (from, to) = if forward { (centre + k - 1, centre + k) } else { (centre + 1 - k, centre - k) };
         let (from, member) = (window[from], window[to]);
-        let way = from.features.motion.get(forward, reflected);
-        let Some(way) = way else { return };
-        let m = way.data()[nearest];
+        let Some(motion) = from.features.motion.get(forward, reflected) else { return };
+        let m = motion.data()[nearest];
         at = (at.0 + m[0], at.1 + m[1]);
-        // NaN fails too: unknown motion ends the way.
+        // NaN fails too: unknown motion ends the trajectory.
         if !(at.0 > -0.5 && at.1 > -0.5 && at.0 < w as f32 - 0.5 && at.1 < h as f32 - 0.5) {
             return;
         }

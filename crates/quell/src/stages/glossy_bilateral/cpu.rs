@@ -111,7 +111,7 @@ pub(crate) fn gaussian<const GENTLE: bool>(offset: f32, exponent: &[f32], radius
 }
 
 /// e^x for -2 <= x <= 0, relative error under 3e-6: e^-1 times the fourth power of e^((x + 1) / 4) by Taylor's series.
-/// Half the work of [`exp_negative`]; elsewhere of no meaning.
+/// Half the work of [`exp_negative`]; of no meaning beyond.
 #[inline(always)]
 fn exp_gentle(x: f32) -> f32 {
     const INVERSE_E: f32 = 0.367_879_44;

@@ -29,7 +29,7 @@ pub(crate) fn visible(
     }
 }
 
-/// The lookup at the mirror image's place. `visible`: as the function of that name tells; `MOVED`: some are negative,
+/// The lookup at the mirror image's place. `visible`: as the function of that name returns it; `MOVED`: some are negative,
 /// and `footprint` and `lookup` come in as those of the surface's own place.
 #[inline(always)]
 pub(crate) fn reflect<const MOVED: bool>(

@@ -166,7 +166,7 @@ fn step(
     let (w, h) = (from.size.width, from.picture_height);
     let m = from.motion.get(forward, reflected)?.data()[front.pixel];
     let at = (at.0 + m[0], at.1 + m[1]);
-    // NaN fails too: unknown motion ends the way.
+    // NaN fails too: unknown motion ends the trajectory.
     if !(at.0 >= 0.0 && at.1 >= 0.0 && at.0 <= (w - 1) as f32 && at.1 <= (h - 1) as f32) {
         return None;
     }

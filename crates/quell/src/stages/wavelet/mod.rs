@@ -31,7 +31,7 @@ pub(crate) const LEAST_VARIANCE: f32 = 1e-12;
 /// Levels of a kind of light; noise-free light has none.
 pub(crate) fn levels(s: &Wavelet, kind: LightKind) -> u32 {
     match kind {
-        LightKind::Steady => 0,
+        LightKind::NoiseFree => 0,
         LightKind::Transmission => s.transmission_levels,
         _ => s.levels,
     }
@@ -41,7 +41,7 @@ pub(crate) fn levels(s: &Wavelet, kind: LightKind) -> u32 {
 pub(crate) fn tolerance(s: &Wavelet, kind: LightKind) -> f32 {
     match kind {
         LightKind::MatteDirect => s.matte_direct,
-        LightKind::MatteIndirect | LightKind::Steady => s.matte,
+        LightKind::MatteIndirect | LightKind::NoiseFree => s.matte,
         LightKind::GlossyDirect | LightKind::GlossyIndirect => s.glossy,
         LightKind::Transmission | LightKind::Volume | LightKind::Beauty => s.transmission,
     }

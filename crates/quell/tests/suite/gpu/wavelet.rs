@@ -118,7 +118,7 @@ pub fn frame(size: Size, t: i64) -> SequenceFrame {
     let half = |share: f32| Plane::from_fn(size, |x, y| noisy(10, 2.0)(x, y).map(|c| c * share));
     frame.lights[1].joint = vec![half(0.25), half(0.75)];
     let emission = Plane::from_fn(size, |x, _| [x as f32 * 0.01; 3]);
-    frame.lights.push(Light::new("emission", LightKind::Steady, emission));
+    frame.lights.push(Light::new("emission", LightKind::NoiseFree, emission));
     let weight = |in_mirror: f32, elsewhere: f32| {
         Some(Arc::new(Plane::from_fn(size, |x, y| [if mirror(x, y) { in_mirror } else { elsewhere }; 3])))
     };
