@@ -26,6 +26,7 @@
 //! tiles.rs      how frames larger than the device's textures are cut
 //! manifest.rs   shaders as files with all that a host in another language needs to know
 //! sequence.rs   stages of the filter of sequences
+//! views.rs      its debug views, as pictures
 //! error.rs      every error
 //! ```
 
@@ -39,6 +40,7 @@ mod part;
 mod readback;
 mod sequence;
 mod tiles;
+mod views;
 
 pub use adapter::{Adapter, Wanted, adapters};
 pub use bandwidth::copy_speed;
@@ -47,3 +49,4 @@ pub use device::Gpu;
 pub use error::Error;
 pub use readback::Readback;
 pub use sequence::SequenceAccelerator;
+pub use views::{SequencePicture, ShowSequence};

@@ -3,6 +3,7 @@
 use crate::device::{Gpu, now};
 use crate::error::Error;
 use crate::readback::Readback;
+use crate::views::{ShowSequence, Views};
 use quell::Size;
 use quell::gpu::wgpu::{Buffer, BufferUsages, ErrorFilter};
 use quell::gpu::{self, SequenceKernels, SequenceStage, SequenceWavelet, SequenceWindow, WaveletBuffers};
@@ -17,6 +18,7 @@ pub struct SequenceAccelerator {
     gpu: Arc<Gpu>,
     kernels: Arc<SequenceKernels>,
     notes: Arc<Mutex<Notes>>,
+    views: Option<Arc<Views>>,
 }
 
 /// What became of it, over all windows.
@@ -37,7 +39,17 @@ impl SequenceAccelerator {
     pub fn new(gpu: Arc<Gpu>) -> Result<Self, Error> {
         let kernels = Arc::new(SequenceKernels::new(gpu.device()));
         gpu.check("compiling the sequence filter")?;
-        Ok(Self { gpu, kernels, notes: Arc::default() })
+        Ok(Self { gpu, kernels, notes: Arc::default(), views: None })
+    }
+
+    /// Shows what every stage of every frame makes on the device: to look at, not for every day, since each frame runs again
+    /// for its pictures. Results are the same.
+    ///
+    /// # Errors
+    /// What the device reports.
+    pub fn with_views(mut self, show: Arc<ShowSequence>) -> Result<Self, Error> {
+        self.views = Some(Arc::new(Views::new(&self.gpu, show)?));
+        Ok(self)
     }
 
     fn filter(&self, job: &mut WaveletJob<'_>) -> Result<(), Error> {
@@ -104,7 +116,8 @@ impl Accelerator for SequenceAccelerator {
     fn window(&self) -> Option<Box<dyn AcceleratedWindow>> {
         let window = SequenceWindow::new(self.gpu.device(), Arc::clone(&self.kernels));
         let (gpu, notes) = (Arc::clone(&self.gpu), Arc::clone(&self.notes));
-        Some(Box::new(Window { gpu, kernels: Arc::clone(&self.kernels), window, refuses: false, notes }))
+        let (kernels, views) = (Arc::clone(&self.kernels), self.views.clone());
+        Some(Box::new(Window { gpu, kernels, window, refuses: false, notes, views }))
     }
 
     fn notes(&self, all: bool) -> Vec<String> {
@@ -122,6 +135,7 @@ struct Window {
     /// It does not fit on the device.
     refuses: bool,
     notes: Arc<Mutex<Notes>>,
+    views: Option<Arc<Views>>,
 }
 
 impl Window {
@@ -150,6 +164,10 @@ impl Window {
             }
         }
         let mut encoder = last.unwrap_or_else(|| gpu.encoder("quell host window"));
+        if let Some(views) = &self.views {
+            gpu.run(std::mem::replace(&mut encoder, gpu.encoder("quell host window")), WINDOW)?;
+            views.draw(gpu, &mut self.window, job)?;
+        }
         let estimated = self.window.encode(gpu.device(), &mut encoder, job, SequenceStage::Wavelet)?;
         let pixels = job.size().pixels() as u64;
         let mut readback = Readback::default();

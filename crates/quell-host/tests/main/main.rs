@@ -1,6 +1,7 @@
-//! Tests of the host that need traced frames.
+//! Tests of the host.
 
 mod manifest;
+mod views;
 
 use quell_host::{Gpu, Wanted};
 use std::sync::Arc;

@@ -78,9 +78,9 @@ impl<'a> Builder<'a> {
             dispatches.push(Dispatch { pass, host_input: false, bound });
         };
         if contents.textures {
-            let told = [Slot::Prepare, Slot::Repairs].into_iter();
+            let own = [Slot::Prepare, Slot::Repairs].into_iter();
             let given = GuidePlane::ALL.map(Slot::Guide);
-            add(Pass::PREPARE, told.chain(given).chain(GUIDES.map(|(slot, _)| slot)).collect());
+            add(Pass::PREPARE, own.chain(given).chain(GUIDES.map(|(slot, _)| slot)).collect());
         }
         if contents.counts {
             let [matte, glossy] = [contents.matte, contents.glossy];

@@ -51,7 +51,7 @@ const ALL: &[(&str, Number)] = &[
     ("FARTHEST", F32(guide_distance::FARTHEST)),
     ("APART", F32(guide_distance::APART)),
     ("LEAST_TOLERANCE", F32(guide_distance::LEAST_TOLERANCE)),
-    ("MIRRORS_APART", F32(feature_noise::DIVIDED)),
+    ("DIVIDED", F32(feature_noise::DIVIDED)),
     ("LEAST_COUNT", F32(gather::LEAST_COUNT)),
     ("SPLINE", Vec3(wavelet::SPLINE)),
     ("TENT", Vec2(wavelet::TENT)),

@@ -126,7 +126,7 @@ impl Default for Convention {
 }
 
 uniforms! {
-    /// What the prepare pass is told of a frame: twin of `Prepare` in `passes/prepare.wgsl`.
+    /// What the prepare pass reads of a frame besides planes: twin of `Prepare` in `passes/prepare.wgsl`.
     pub PrepareUniforms as "Prepare" {
         device_z: Vec4,
         right: Vec3,

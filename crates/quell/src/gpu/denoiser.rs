@@ -228,8 +228,8 @@ impl Denoiser {
         let prepared = match &frame.guides {
             Guides::Textures(textures) => {
                 let cameras = [&frame.camera, &frame.previous_camera];
-                let told = PrepareUniforms::new(cameras, tile.whole, textures);
-                Some(told.ok_or(crate::Error::Camera { which: "camera" })?)
+                let prepared = PrepareUniforms::new(cameras, tile.whole, textures);
+                Some(prepared.ok_or(crate::Error::Camera { which: "camera" })?)
             }
             Guides::Packed(_) => None,
         };
@@ -240,8 +240,8 @@ impl Denoiser {
         self.prepare(device, Contents { counts: self.options.count_repairs, ..frame.contents() });
         check_targets(&self.program.2, frame)?;
         self.turn = 1 - self.turn;
-        let told = self.told(frame, &cameras, valid, prepared);
-        if self.small.fill(device, encoder, &told) {
+        let uniforms = self.per_frame(frame, &cameras, valid, prepared);
+        if self.small.fill(device, encoder, &uniforms) {
             self.groups.clear();
         }
         self.take_packed(encoder, frame);
@@ -253,9 +253,9 @@ impl Denoiser {
             let Some(kernel) = kernels.get(dispatch) else { continue };
             let views = dispatch.bound.iter().filter_map(|bound| binder.view(*bound));
             let make = || {
-                let told = [Part::Frame, Part::Settings].into_iter().map(|part| small.binding(part));
+                let uniforms = [Part::Frame, Part::Settings].into_iter().map(|part| small.binding(part));
                 let bound = dispatch.bound.iter().map(|bound| binder.binding(*bound));
-                Some(kernel.group(device, told.chain(bound).collect::<Option<Vec<_>>>()?))
+                Some(kernel.group(device, uniforms.chain(bound).collect::<Option<Vec<_>>>()?))
             };
             if let Some(group) = groups.get(index, *turn, views, make) {
                 kernel.dispatch(encoder, group, workgroups, timings.as_mut().and_then(|t| t.next(&dispatch.pass)));
@@ -305,7 +305,7 @@ impl Denoiser {
     }
 
     /// Uniforms and taps of a frame.
-    fn told(
+    fn per_frame(
         &self,
         frame: &Frame<'_>,
         cameras: &Cameras,
@@ -314,17 +314,17 @@ impl Denoiser {
     ) -> Vec<(Part, Vec<u8>)> {
         // Kernels have the whole picture's sizes.
         let (settings, whole) = (&self.options.settings, cameras.tile.whole);
-        let settings_told = SettingsUniforms::of(settings, whole, frame.contents());
-        let frame_told = FrameUniforms::from_cameras(cameras, self.before.as_ref(), valid);
-        let mut told = vec![(Part::Frame, frame_told.bytes()), (Part::Settings, settings_told.bytes())];
+        let settings_uniforms = SettingsUniforms::of(settings, whole, frame.contents());
+        let frame_uniforms = FrameUniforms::from_cameras(cameras, self.before.as_ref(), valid);
+        let mut parts = vec![(Part::Frame, frame_uniforms.bytes()), (Part::Settings, settings_uniforms.bytes())];
         for resource in &self.program.2.resources {
             let bytes = match resource.role {
                 Role::Taps => pack_taps(settings, resource.slot, whole.height, frame.index),
                 Role::Uniform => prepared.map(|p| p.bytes()).unwrap_or_default(),
                 _ => continue,
             };
-            told.push((Part::Resource(resource.slot), bytes));
+            parts.push((Part::Resource(resource.slot), bytes));
         }
-        told
+        parts
     }
 }

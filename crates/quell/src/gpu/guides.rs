@@ -139,18 +139,6 @@ pub(super) mod half {
         (rounded - (113 << 14)) | if v < 0.0 { 1 << 19 } else { 0 }
     }
 
-    /// The bits of the nearest half, ties to even, of a value from 0 to `HALF_MAX`.
-    fn half_bits(v: f32) -> u32 {
-        let bits = v.to_bits();
-        let rounded = bits + 0xfff + ((bits >> 13) & 1);
-        let exponent = rounded >> 23;
-        // 2^-14, the least normal half.
-        if exponent < 113 {
-            return (v * 16_777_216.0).round_ties_even() as u32;
-        }
-        (rounded >> 13) - (112 << 10)
-    }
-
     pub(super) fn store(guide: &Guide, out: &mut GuideTexels) {
         let code = normal_code(guide.normal);
         let high = code.map(|c| c >> NORMAL_LOW_BITS);
@@ -167,7 +155,10 @@ pub(super) mod half {
             (guide.glossy_hit / guide.depth).min(HALF_MAX)
         };
         let confidence = (guide.confidence_in.clamp(0.0, 1.0) * CONFIDENCE_STEPS).round_ties_even() as u32;
-        put(&[x | (y << 20), (y >> 12) | (half_bits(ratio) << 8) | (confidence << 24)], &mut out.moving);
+        put(
+            &[x | (y << 20), (y >> 12) | (u32::from(::half::f16::from_f32(ratio).to_bits()) << 8) | (confidence << 24)],
+            &mut out.moving,
+        );
     }
 }
 

@@ -273,7 +273,7 @@ impl Kernel {
     }
 }
 
-/// How the device is told of a binding.
+/// A binding as the device has it.
 fn binding_type(kind: BindingKind, storage: Storage) -> wgpu::BindingType {
     use wgpu::BufferBindingType as Buffer;
     use wgpu::TextureViewDimension as Dimension;

@@ -140,11 +140,7 @@ fn float(bytes: &[u8], offset: usize) -> f32 {
 }
 
 fn half(bytes: &[u8], offset: usize) -> f32 {
-    /// 2^112: what the exponents' biases differ by.
-    const SCALE: f32 = f32::from_bits((112 + 127) << 23);
-    let bits = bytes.get(offset..).and_then(|b| b.first_chunk()).map_or(0, |b| u16::from_le_bytes(*b));
-    let magnitude = f32::from_bits(u32::from(bits & 0x7fff) << 13) * SCALE;
-    if bits & 0x8000 == 0 { magnitude } else { -magnitude }
+    bytes.get(offset..).and_then(|b| b.first_chunk()).map_or(0.0, |b| half::f16::from_le_bytes(*b).to_f32())
 }
 
 #[cfg(test)]

@@ -31,7 +31,7 @@ pub enum Slot {
     BilateralTaps,
     /// A guide of the host's, as it is.
     Guide(GuidePlane),
-    /// What the border is told of the host's guides.
+    /// The uniform of the pass that prepares the host's guides.
     Prepare,
     Repairs,
     /// What is bound in the place of a texture that the host has not: one texel of zeros.

@@ -1,4 +1,4 @@
-//! What a frame tells the passes besides planes: uniforms and tables of taps, in one buffer that the encoder itself fills
+//! What a frame has for its passes besides planes: per-frame uniforms and tables of taps, in one buffer that the encoder itself fills
 //! before the frame's dispatches. So frames that are encoded before one submit each find their own.
 
 use super::slot::Slot;
@@ -37,15 +37,15 @@ impl Small {
         &mut self,
         device: &wgpu::Device,
         encoder: &mut wgpu::CommandEncoder,
-        told: &[(Part, Vec<u8>)],
+        contents: &[(Part, Vec<u8>)],
     ) -> bool {
         let limits = device.limits();
         let align = limits.min_uniform_buffer_offset_alignment.max(limits.min_storage_buffer_offset_alignment) as usize;
         let (mut bytes, mut parts) = (Vec::new(), Vec::new());
-        for (part, told) in told {
+        for (part, content) in contents {
             let start = bytes.len();
-            bytes.extend_from_slice(told);
-            bytes.resize(start + told.len().next_multiple_of(4).max(LEAST), 0);
+            bytes.extend_from_slice(content);
+            bytes.resize(start + content.len().next_multiple_of(4).max(LEAST), 0);
             parts.push((*part, start as u64..bytes.len() as u64));
             bytes.resize(bytes.len().next_multiple_of(align), 0);
         }

@@ -1,4 +1,4 @@
-//! What every pass is told: the frame's cameras, and the settings. Twins of `frame.wgsl` and `settings.wgsl`.
+//! Per-frame uniforms: the frame's cameras, and the settings. Twins of `frame.wgsl` and `settings.wgsl`.
 
 use super::guides::SpiralTap;
 use super::tile::Tile;

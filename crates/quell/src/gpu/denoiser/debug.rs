@@ -37,7 +37,7 @@ impl Denoiser {
         let (plan, _, program) = &self.program;
         let plane = |slot: Slot, before| self.planes.view(slot, before, self.turn).ok_or(missing(slot.name()));
         let of = |index: Option<usize>| self.planes.view(program.home(index?)?.slot, false, self.turn);
-        let told = |part| self.small.binding(part).ok_or(missing("frame"));
+        let uniform = |part| self.small.binding(part).ok_or(missing("frame"));
         let image = match view {
             DebugView::Light(image) => {
                 let slot = program.slot_of(plan, image).ok_or(missing(image.name()))?;
@@ -52,7 +52,7 @@ impl Denoiser {
             _ => of(program.shown.confidence).unwrap_or(views.nothing()),
         };
         let inputs = DebugInputs {
-            uniforms: [told(Part::Frame)?, told(Part::Settings)?],
+            uniforms: [uniform(Part::Frame)?, uniform(Part::Settings)?],
             guides: [
                 plane(Slot::Geometry, false)?,
                 plane(Slot::Surface, false)?,

@@ -1,7 +1,7 @@
 // Twin of border.rs (`Guides`): what a pixel shows. WGSL promises nothing of infinities and NaN, so background has depth
 // 0, a hit that left the scene lies at `FAR`, and unknown motion points far off screen.
 
-// Everything that is told of one pixel.
+// All guides of one pixel.
 struct Guide {
     normal: vec3f,
     depth: f32,

@@ -32,7 +32,7 @@ fn view_colour(p: u32) -> vec3f {
             return clamp(vec3f(v.w, second[p].w, 0.0) * debug.scale * 10.0, vec3f(0.0), vec3f(1.0));
         }
         case SHOWS_COLOUR: {
-            return encoded(0.5 * (v.xyz - vec3f(MIRRORS_APART * v.w, 0.0, 0.0)));
+            return encoded(0.5 * (v.xyz - vec3f(DIVIDED * v.w, 0.0, 0.0)));
         }
         default: {
             return normal_colour(v.xyz);

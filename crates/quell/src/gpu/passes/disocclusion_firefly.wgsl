@@ -1,7 +1,7 @@
 // Stages 5 and 6 in one: what stage 5 shows stays in workgroup memory, a pixel further than the tile on each side.
 const BORDER: i32 = 1;
 
-// Colour; background is told by a negative fourth value.
+// Colour; a negative fourth value is background.
 var<workgroup> blended_tile: array<vec4f, INNER * INNER>;
 
 fn blended_slot(pixel: vec2i) -> i32 {

@@ -25,7 +25,7 @@ fn local_features(@builtin(global_invocation_id) id: vec3u) {
     if (settings.seen & SEEN_COLOURS) != 0u {
         colour = textureLoad(seen_colours, pixel, settings.layer, 0).xyz;
     }
-    local_seen_colours[p] = vec4f(colour + vec3f(MIRRORS_APART * facing.w, 0.0, 0.0), facing.w);
+    local_seen_colours[p] = vec4f(colour + vec3f(DIVIDED * facing.w, 0.0, 0.0), facing.w);
     var seen = vec3f(0.0);
     if (settings.seen & SEEN_NORMALS) != 0u {
         seen = textureLoad(seen_normals, pixel, settings.layer, 0).xyz;

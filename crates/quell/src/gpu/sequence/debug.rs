@@ -12,7 +12,7 @@ use glam::UVec2;
 
 use super::passes::TOGETHER;
 
-/// What to show of the frame that was encoded last. Lights are told by their place in the job
+/// What to show of the frame that was encoded last. A light is named by its place in the job
 /// ([`crate::sequence::GatheredLight`]).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SequenceView {

@@ -183,7 +183,7 @@ pub const PLANTED: &[(&str, &str)] = &[
     ("count_colour(numbers[p])", "count_colour(numbers[0])"),
     ("fract(-log2(v.z))", "fract(log2(v.z))"),
     ("vec3f(v.w, second[p].w, 0.0)", "vec3f(v.w, v.w, 0.0)"),
-    ("MIRRORS_APART * v.w", "0.0"),
+    ("DIVIDED * v.w", "0.0"),
     ("0.5 + 0.5 * normal", "normal"),
 ];
 

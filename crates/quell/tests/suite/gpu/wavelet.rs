@@ -1,4 +1,4 @@
-//! The sequence filter's wavelet on the GPU against the CPU's, on the same inputs.
+//! The sequence filter's wavelet on the GPU against the reference and the CPU, on the same inputs.
 
 use super::device::{Gpu, gpu};
 use quell::gpu::wgpu::{BufferUsages, CommandEncoderDescriptor};
@@ -6,7 +6,7 @@ use quell::gpu::{Error, Pass, SequenceWavelet, Storage, WaveletBuffers};
 use quell::sequence::{
     Accelerator, Filtered, Guide, Light, LightKind, SequenceDenoiser, SequenceFrame, SequenceSettings, WaveletJob,
 };
-use quell::{Plane, Rgb, Size};
+use quell::{Backend, Plane, Rgb, Size};
 use std::sync::Arc;
 
 /// Largest difference of one frame, relative to the value plus its plane's mean. Five levels of sums of 25 terms, whose
@@ -167,15 +167,28 @@ fn alone() -> SequenceSettings {
     settings
 }
 
+/// What a back end of this processor filters.
+fn run_on(
+    backend: Backend,
+    settings: &SequenceSettings,
+    frames: impl IntoIterator<Item = SequenceFrame>,
+) -> Vec<Filtered> {
+    filtered(SequenceDenoiser::with_backend(settings.clone(), backend).unwrap(), frames)
+}
+
 fn run(
     settings: &SequenceSettings,
     frames: impl IntoIterator<Item = SequenceFrame>,
     elsewhere: Option<&Arc<Elsewhere>>,
 ) -> Vec<Filtered> {
-    let mut denoiser = match elsewhere {
+    let denoiser = match elsewhere {
         None => SequenceDenoiser::new(settings.clone()).unwrap(),
         Some(host) => SequenceDenoiser::with_accelerator(settings.clone(), host.clone()).unwrap(),
     };
+    filtered(denoiser, frames)
+}
+
+fn filtered(mut denoiser: SequenceDenoiser, frames: impl IntoIterator<Item = SequenceFrame>) -> Vec<Filtered> {
     let mut out = Vec::new();
     for frame in frames {
         out.extend(denoiser.push(frame, true).unwrap());
@@ -220,10 +233,12 @@ fn one_frame_agrees_at_every_size_and_with_any_guide_missing() {
         frames.push((format!("light {light} alone"), one));
     }
     for (name, frame) in frames {
-        let (cpu, found) = (run(&alone(), [frame.clone()], None), run(&alone(), [frame], Some(&host)));
-        let d = difference(&cpu, &found);
-        println!("{name}: {d:.1e}");
-        assert!(d <= WAVELET, "{name}: {d:.1e}");
+        let found = run(&alone(), [frame.clone()], Some(&host));
+        for backend in [Backend::Reference, Backend::Cpu] {
+            let d = difference(&run_on(backend, &alone(), [frame.clone()]), &found);
+            println!("{name}, {backend:?}: {d:.1e}");
+            assert!(d <= WAVELET, "{name}, {backend:?}: {d:.1e}");
+        }
     }
 }
 
@@ -323,7 +338,7 @@ pub const PLANTED: &[(&str, &str)] = &[
 fn planted_differences_are_found() {
     let Some(gpu) = gpu() else { return };
     let size = Size::new(31, 17);
-    let cpu = run(&alone(), [frame(size, 3)], None);
+    let wanted = run_on(Backend::Reference, &alone(), [frame(size, 3)]);
     let whole = SequenceWavelet::new(&gpu.device);
     for (from, to) in PLANTED {
         let passes = [Pass::WAVELET_COMPARE, Pass::WAVELET].map(|pass| (pass, pass.source(Storage::Float, false)));
@@ -332,7 +347,7 @@ fn planted_differences_are_found() {
             wavelet.with_source(&gpu.device, *pass, &source.replace(from, to))
         });
         let found = run(&alone(), [frame(size, 3)], Some(&Arc::new(Elsewhere { wavelet, ..Elsewhere::new(gpu) })));
-        let d = difference(&cpu, &found);
+        let d = difference(&wanted, &found);
         println!("{to}: {d:.1e}");
         assert!(d > WAVELET, "`{to}` for `{from}` is not seen: {d:.1e}");
     }

@@ -1,24 +1,30 @@
-//! Stages 1 and 2 of the sequence filter on the GPU, with the frames of the window kept there, against the CPU's: stage
-//! by stage on the same frames, over whole sequences, and in bands of rows.
+//! Stages 1 and 2 of the sequence filter on the GPU, with the frames of the window kept there, against the reference and the
+//! CPU: stage by stage on the same frames, over whole sequences, and in bands of rows.
 
 use super::device::{Gpu, gpu};
 use super::wavelet::{difference, frame, random, without};
 use quell::gpu::wgpu::{Buffer, CommandEncoderDescriptor};
 use quell::gpu::{Pass, SequenceKernels, SequenceStage, SequenceWindow, Storage};
 use quell::sequence::{
-    AcceleratedWindow, Accelerator, EstimateJob, Filtered, PreparedFrame, SequenceDenoiser, SequenceFrame,
-    SequenceSettings, WaveletJob,
+    AcceleratedWindow, Accelerator, EstimateJob, Filtered, PreparedFrame, SEQUENCE_PARAMETERS, SequenceDenoiser,
+    SequenceFrame, SequenceSettings, WaveletJob,
 };
-use quell::{Plane, Size};
+use quell::{Backend, Plane, Size};
 use std::io::Cursor;
 use std::sync::{Arc, Mutex};
 
-/// Largest difference by stage, relative to the value plus the mean of its plane. Guides: a few sums and one quotient.
-/// Gather: sums of up to 65 terms, in the same order; the spread is a difference of numbers of like size, and has lost
-/// what they lost. Variance: sums of 25 terms, weighted by 16th powers of quotients.
-const GUIDES: f64 = 1e-5;
-const GATHER: f64 = 5e-5;
-const VARIANCE: f64 = 1e-4;
+/// A stage, and the largest differences from the CPU and from the reference, relative to the value plus the mean of its plane.
+type Bound = (&'static str, [f64; 2]);
+const BOUNDS: [Bound; 3] = [
+    // A few sums and one quotient.
+    ("features", [1e-5, 1e-5]),
+    // Sums of up to 65 terms, in the CPU's order, by the reference in f64; the spread is a difference of numbers of like size,
+    // and has lost what they lost.
+    ("gather", [5e-5, 5e-5]),
+    // Sums of 25 terms, weighted by 16th powers of quotients. The reference pools means of its own: where samples are few
+    // their spread over the window, a difference of sums, multiplies what the means differ by.
+    ("variance", [1e-4, 1e-3]),
+];
 /// Of whole sequences.
 const SEQUENCE: f64 = 1e-4;
 /// Share of values that may lie beyond: whether a pixel shows the same surface is decided at thresholds, and a last bit
@@ -59,8 +65,8 @@ type Stages = [Seen; 3];
 struct Host {
     gpu: &'static Gpu,
     kernels: Arc<SequenceKernels>,
-    /// Every stage is compared with the CPU's.
-    compares: bool,
+    /// Back ends with which every stage is compared.
+    compares: &'static [Backend],
     /// From this frame on `estimate` says that it cannot.
     refuses: i64,
     seen: Arc<Mutex<Stages>>,
@@ -74,7 +80,7 @@ impl Host {
 
     fn with(gpu: &'static Gpu, kernels: SequenceKernels) -> Self {
         let (seen, estimated) = (Arc::default(), Arc::default());
-        Self { gpu, kernels: Arc::new(kernels), compares: false, refuses: i64::MAX, seen, estimated }
+        Self { gpu, kernels: Arc::new(kernels), compares: &[], refuses: i64::MAX, seen, estimated }
     }
 }
 
@@ -120,32 +126,34 @@ impl Window {
     }
 
     fn compare(&mut self, job: &EstimateJob<'_>) -> Result<(), String> {
-        let (lights, guides) = job.on_cpu();
-        let mut seen = *self.host.seen.lock().unwrap();
-        let (planes, most, found) = self.run(job, SequenceStage::Gather)?;
-        for ((_, bytes), found) in guides.iter().zip(&found) {
-            let cpu: Vec<f32> = bytes.as_chunks::<4>().0.iter().map(|b| f32::from_le_bytes(*b)).collect();
-            seen[0].compare(&cpu, found, GUIDES);
-        }
+        let (gathered, most, features) = self.run(job, SequenceStage::Gather)?;
+        let (pooled, ..) = self.run(job, SequenceStage::Variance)?;
         let asked = job.lights();
         let place = |light: usize| asked.iter().position(|l| l.wavelet.light == light).unwrap();
-        for (light, plane, found) in &planes {
-            let cpu = &lights[place(*light)];
-            let colours: Vec<f32> = found.chunks_exact(4).flat_map(|v| [v[0], v[1], v[2]]).collect();
-            seen[1].compare(cpu.means[*plane].as_flattened(), &colours, GATHER);
-            if *plane == 0 {
-                let spread: Vec<f32> = found.chunks_exact(4).map(|v| v[3]).collect();
-                seen[1].compare(&cpu.spread, &spread, GATHER);
+        let mut seen = self.host.seen.lock().unwrap();
+        for backend in self.host.compares {
+            let bound = BOUNDS.map(|(_, bounds)| bounds[usize::from(*backend == Backend::Reference)]);
+            let (lights, guides) = job.on_backend(*backend);
+            for ((_, bytes), found) in guides.iter().zip(&features) {
+                let wanted: Vec<f32> = bytes.as_chunks::<4>().0.iter().map(|b| f32::from_le_bytes(*b)).collect();
+                seen[0].compare(&wanted, found, bound[0]);
+            }
+            for (light, plane, found) in &gathered {
+                let wanted = &lights[place(*light)];
+                let colours: Vec<f32> = found.chunks_exact(4).flat_map(|v| [v[0], v[1], v[2]]).collect();
+                seen[1].compare(wanted.means[*plane].as_flattened(), &colours, bound[1]);
+                if *plane == 0 {
+                    let spread: Vec<f32> = found.chunks_exact(4).map(|v| v[3]).collect();
+                    seen[1].compare(&wanted.spread, &spread, bound[1]);
+                }
+            }
+            let largest = |i: usize| lights.iter().map(|light| light.count[i]).fold(1.0, f32::max);
+            seen[1].compare(&(0..most.len()).map(largest).collect::<Vec<_>>(), &most, bound[1]);
+            for (light, _, found) in pooled.iter().filter(|(_, plane, _)| *plane == 0) {
+                let variance: Vec<f32> = found.chunks_exact(4).map(|v| v[3]).collect();
+                seen[2].compare(&lights[place(*light)].variance, &variance, bound[2]);
             }
         }
-        let largest = |i: usize| lights.iter().map(|light| light.count[i]).fold(1.0, f32::max);
-        seen[1].compare(&(0..most.len()).map(largest).collect::<Vec<_>>(), &most, GATHER);
-        let (planes, ..) = self.run(job, SequenceStage::Variance)?;
-        for (light, _, found) in planes.iter().filter(|(_, plane, _)| *plane == 0) {
-            let variance: Vec<f32> = found.chunks_exact(4).map(|v| v[3]).collect();
-            seen[2].compare(&lights[place(*light)].variance, &variance, VARIANCE);
-        }
-        *self.host.seen.lock().unwrap() = seen;
         Ok(())
     }
 }
@@ -157,7 +165,7 @@ impl AcceleratedWindow for Window {
             return Ok(false);
         }
         self.window.reserve(&self.host.gpu.device, job).map_err(|e| e.to_string())?;
-        if self.host.compares {
+        if !self.host.compares.is_empty() {
             self.compare(job)?;
             return Ok(false);
         }
@@ -238,9 +246,14 @@ fn run(
     out
 }
 
-/// Every stage of these frames, compared.
-fn stages(host: &Host, settings: &SequenceSettings, frames: impl IntoIterator<Item = SequenceFrame>) -> Stages {
-    let host = Host { compares: true, seen: Arc::default(), ..host.clone() };
+/// Every stage of these frames, compared with these back ends.
+fn stages(
+    host: &Host,
+    compares: &'static [Backend],
+    settings: &SequenceSettings,
+    frames: impl IntoIterator<Item = SequenceFrame>,
+) -> Stages {
+    let host = Host { compares, seen: Arc::default(), ..host.clone() };
     run(settings, frames, Some(&host));
     *host.seen.lock().unwrap()
 }
@@ -290,9 +303,9 @@ fn every_stage_agrees_whatever_a_frame_has() {
         case(&format!("light {light} alone"), settings(&[]), frames(3).map(one).collect());
     }
     for (name, settings, frames) in cases {
-        let seen = stages(&host, &settings, frames);
+        let seen = stages(&host, &[Backend::Reference, Backend::Cpu], &settings, frames);
         println!(
-            "{name}: {:.1e} {:.1e} {:.1e}, {:?}",
+            "{name}: {:.1e} {:.1e} {:.1e}, beyond {:?}",
             seen[0].most,
             seen[1].most,
             seen[2].most,
@@ -314,8 +327,8 @@ fn thirty_frames_agree() {
     assert_eq!(*host.estimated.lock().unwrap(), (0..30).collect::<Vec<_>>());
     for (cpu, found) in cpu.iter().zip(&found) {
         let mut seen = Seen::default();
-        seen.compare(cpu.samples.data(), found.samples.data(), GATHER);
-        seen.compare(cpu.confidence.data(), found.confidence.data(), GATHER);
+        seen.compare(cpu.samples.data(), found.samples.data(), BOUNDS[1].1[0]);
+        seen.compare(cpu.confidence.data(), found.confidence.data(), BOUNDS[1].1[0]);
         assert!(seen.agrees(), "{seen:?}");
         for (i, whole) in found.lights[1].planes[0].data().iter().enumerate() {
             for (c, whole) in whole.iter().enumerate() {
@@ -364,7 +377,7 @@ fn bands_of_rows_give_the_bits_of_the_whole() {
         frames.into_iter().map(|f| PreparedFrame::new(f, &settings).unwrap()).collect();
     for i in 1..prepared.len() {
         let (a, b) = prepared.split_at_mut(i);
-        a[i - 1].followed_by(&mut b[0], &settings, quell::Backend::Cpu);
+        a[i - 1].followed_by(&mut b[0], &settings, Backend::Cpu);
     }
     let moved = prepared.iter().flat_map(PreparedFrame::rows_moved).fold(0.0, f32::max);
     let margin = SequenceDenoiser::new(settings.clone()).unwrap().margin(moved, size.height);
@@ -425,14 +438,52 @@ fn what_is_not_for_the_device_is_filtered_as_before() {
     assert!(error.contains("max_texture_dimension_2d"), "{error}");
 }
 
+/// Share of values of two filtered sequences that lie further apart than [`SEQUENCE`].
+fn share_beyond(a: &[Filtered], b: &[Filtered]) -> f64 {
+    assert_eq!(a.len(), b.len());
+    let mut seen = Seen::default();
+    for (a, b) in a.iter().zip(b).flat_map(|(a, b)| a.lights.iter().zip(&b.lights)) {
+        for (a, b) in a.planes.iter().zip(&b.planes) {
+            seen.compare(a.data().as_flattened(), b.data().as_flattened(), SEQUENCE);
+        }
+    }
+    seen.beyond as f64 / seen.of as f64
+}
+
+#[test]
+fn every_parameter_is_the_devices_too() {
+    let Some(gpu) = gpu() else { return };
+    let host = Host::new(gpu);
+    let frames: Vec<SequenceFrame> = (0..3).map(|t| scene(Size::new(31, 17), t)).collect();
+    let base = run(&settings(&[]), frames.clone(), None);
+    let of_device = |name: &str| ["gather.", "variance.", "wavelet."].iter().any(|group| name.starts_with(group));
+    let (mut moved, mut still) = (0, Vec::new());
+    for parameter in SEQUENCE_PARAMETERS.iter().filter(|p| of_device(p.name)) {
+        let mut shows = false;
+        // The ends and the middle: the device compiles nothing, but runs every frame again.
+        for value in parameter.samples().into_iter().step_by(2) {
+            let changed = settings(&[(parameter.name, value.as_str())]);
+            let cpu = run(&changed, frames.clone(), None);
+            let found = run(&changed, frames.clone(), Some(&host));
+            let off = share_beyond(&cpu, &found);
+            assert!(off <= DECIDED, "{} = {value}: {off:.1e}", parameter.name);
+            // Were the device to ignore it, that would be seen.
+            shows |= share_beyond(&base, &cpu) > DECIDED;
+        }
+        if shows { moved += 1 } else { still.push(parameter.name) }
+    }
+    println!("{moved} parameters move the picture; not here: {still:?}");
+    assert!(moved > 30, "{still:?}");
+}
+
 /// Changes planted in the shaders, each of which must be seen.
 pub const PLANTED: &[(Pass, &str, &str)] = &[
-    (Pass::FEATURE_NOISE, "MIRRORS_APART: f32 = 8.0", "MIRRORS_APART: f32 = 7.0"),
+    (Pass::FEATURE_NOISE, "DIVIDED: f32 = 8.0", "DIVIDED: f32 = 7.0"),
     (Pass::FEATURE_NOISE, "select(b, a, abs(a) < abs(b))", "a"),
     (Pass::FEATURE_NOISE, "case 3: { along = vec2i(1, -1); }", ""),
     (Pass::FEATURE_NOISE, "/ (2.0 * here)", "/ here"),
     (Pass::FEATURE_NOISE, "0.5 * dot(d, d)", "dot(d, d)"),
-    (Pass::FEATURE_NOISE, "vec4f(colour + vec3f(MIRRORS_APART * facing.w, 0.0, 0.0), facing.w)", "vec4f(colour, 0.0)"),
+    (Pass::FEATURE_NOISE, "vec4f(colour + vec3f(DIVIDED * facing.w, 0.0, 0.0), facing.w)", "vec4f(colour, 0.0)"),
     (Pass::FEATURE_NOISE, "slope(pixel, vec2i(0, 1), here)", "slope(pixel, vec2i(1, 0), here)"),
     (Pass::GATHER, "settings.moving_weight, same", "1.014 * settings.moving_weight, same"),
     (Pass::GATHER, ">= settings.standing_normal", ">= 0.999"),
@@ -483,7 +534,7 @@ fn planted_differences_are_found() {
         assert!(source.contains(from), "{} has no `{from}` any more", pass.name);
         let planted = whole.with_source(&gpu.device, pass, &source.replace(from, to));
         let host = Host::with(gpu, planted);
-        let seen = stages(&host, &settings, frames.clone());
+        let seen = stages(&host, &[Backend::Reference], &settings, frames.clone());
         println!("{to}: {:?}", seen.map(|s| (s.most, s.beyond)));
         let at = Pass::SEQUENCE.iter().position(|p| p.name == pass.name).unwrap();
         if seen[at].agrees() {
