@@ -1,6 +1,21 @@
 //! Path tracer that makes the frames and the references of quell: scenes made by code, the factored estimators of
 //! Mara et al. 2017, motion vectors, guides and converged references. It knows no filter.
 //!
+//! ```text
+//! scene.rs, track.rs, shapes.rs, pattern.rs, builtin/   scenes as data over time; those made by code
+//! gltf/           glTF files made into scenes
+//! camera_paths.rs orbit and dolly for scenes in which nothing moves
+//! bvh.rs, geometry.rs, world.rs   a scene at one frame: triangles, the eight-wide BVH and its walks, what a hit finds
+//! material.rs, bsdf/              the material model and its lobes
+//! texture/, cone.rs, appearance.rs   images with levels of detail, ray cones, what they make of a point
+//! lights/, environment/, sources.rs  everything that emits, sampled by importance
+//! sampler.rs, warp.rs             low-discrepancy numbers; maps from the unit square
+//! primary.rs      primary surface replacement through glass and mirrors
+//! integrator.rs, tracer.rs        light transport; the frame's planes and references
+//! ```
+//!
+//! `scene_hash` names scene, tracer and options: it keys the cache of references and the frames that come with the demo.
+//!
 //! ```
 //! use quell_trace::{Control, RenderOptions, Tracer, builtin};
 //! let scene = builtin("cornell-box")?;
