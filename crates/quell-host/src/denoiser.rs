@@ -70,7 +70,7 @@ impl Denoiser {
         Self::with_limit(gpu, size, settings, most as usize)
     }
 
-    /// Likewise with textures of at most `most` pixels a side: larger frames are cut into tiles.
+    /// [`Denoiser::new`] with textures of at most `most` pixels a side: larger frames are cut into tiles.
     ///
     /// # Errors
     /// As [`Denoiser::new`]; a limit that leaves nothing between the margins of a tile.

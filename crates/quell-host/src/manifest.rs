@@ -109,7 +109,7 @@ fn manifest(choice: &Choice<'_>, program: &Program) -> Value {
     })
 }
 
-/// The border's uniform: what the convention says, and which members every frame tells anew.
+/// The border's uniform: what the convention says, and which members every frame fills anew.
 fn prepare(choice: &Choice<'_>, structs: &[Uniform], name: &str, of: &str) -> Value {
     let bytes = PrepareUniforms::of_convention(&choice.convention, choice.size).bytes();
     let mut said = values(structs, of, &bytes);

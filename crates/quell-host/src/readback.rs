@@ -1,4 +1,4 @@
-//! Results on their way back from the device: however many planes a frame has, the host waits once.
+//! Results read back from the device: however many planes a frame has, the host waits once.
 
 use crate::device::Gpu;
 use crate::error::Error;

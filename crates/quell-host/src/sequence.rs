@@ -154,7 +154,7 @@ impl Window {
             return Ok(false);
         }
         let gpu = &self.gpu;
-        // A frame at a time: copies on their way take memory, too. The last is submitted with the stages.
+        // A frame at a time: copies take memory, too. The last is submitted with the stages.
         let mut last = None;
         for place in 0..job.len() {
             let mut encoder = gpu.encoder("quell host window");

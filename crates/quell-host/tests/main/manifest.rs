@@ -84,7 +84,7 @@ fn by_the_manifest(gpu: &Gpu, files: &[File], frames: &[FrameBuf]) -> Vec<HashMa
     by_the_manifest_with(gpu, files, frames, &|frame| inputs(frame, Storage::default())).0
 }
 
-/// Likewise from these textures of the host's; and what was repaired of the last frame.
+/// The same from these textures of the host's; and what was repaired of the last frame.
 fn by_the_manifest_with(
     gpu: &Gpu,
     files: &[File],
@@ -97,8 +97,9 @@ fn by_the_manifest_with(
     let mut runner = Runner::new(gpu.device(), gpu.queue(), &files, MANIFEST, extent);
     let mut run = |k: usize| {
         let (frame, before) = (&frames[k], k.checked_sub(1).map(|k| &frames[k]));
-        let told = json!({ "frame": camera::told(frame, before, extent), "prepare": camera::prepare(frame, extent) });
-        runner.frame(frame.index, &told, &inputs(frame));
+        let uniforms =
+            json!({ "frame": camera::uniforms(frame, before, extent), "prepare": camera::prepare(frame, extent) });
+        runner.frame(frame.index, &uniforms, &inputs(frame));
         runner.outputs()
     };
     let outputs = (0..frames.len()).map(&mut run).collect();
@@ -201,7 +202,7 @@ fn what_the_manifest_says_is_there() {
         for guide in resources.iter().filter(|r| r["optional"] == true) {
             assert!(known(&guide["if_absent"]) && guide["there"].as_u64() > Some(0), "{guide}");
         }
-        // Every member of a uniform has a value, or is told with each frame.
+        // Every member of a uniform has a value, or comes with each frame.
         for uniform in value["uniforms"].as_array().expect("a list").iter().filter(|u| u["name"] != "frame") {
             let members = value["structs"][uniform["struct"].as_str().expect("a struct")]["members"].as_array();
             for member in members.expect("members") {

@@ -217,7 +217,7 @@ impl<'a> Builder<'a> {
         }
     }
 
-    /// Whether a filter, that elsewhere reads what another stage wrote, reads the host's own image.
+    /// Whether a filter, that in other places of the plan reads what another stage wrote, reads the host's own image.
     fn filters_host_image(&self, step: &Step) -> bool {
         let can_come_first =
             !matches!(step.stage, Stage::MatteTemporal | Stage::GlossyTemporal | Stage::DirectTaa | Stage::Composite);

@@ -20,7 +20,7 @@ pub enum DepthKind {
 }
 
 /// How the normal plane holds a unit vector. Where all of a texel's channels are 0 it is background, but not in the two
-/// octahedral kinds, which have no such value: there depth alone tells.
+/// octahedral kinds, which have no such value: there depth alone says.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum NormalEncoding {
     /// x, y, z as they are, -1..1.
@@ -31,7 +31,7 @@ pub enum NormalEncoding {
     /// The octahedral map of Cigolle et al., "A Survey of Efficient Representations for Independent Unit Vectors" (JCGT
     /// 2014), z outward, in the first two channels, -1..1.
     Octahedral,
-    /// Likewise, halved and shifted to 0..1.
+    /// The same, halved and shifted to 0..1.
     UnormOctahedral,
 }
 
@@ -250,7 +250,7 @@ fn device(camera: &Camera, projection: &Projection) -> (Vec4, f32) {
 mod tests {
     use super::*;
 
-    /// `near` and `far` as device depths 0 and 1, or the other way round.
+    /// `near` and `far` as device depths 0 and 1, or the reverse.
     fn with_depth(near: f64, far: f64, reversed: bool, orthographic: bool) -> Camera {
         let mut camera = Camera::perspective([1.0, 2.0, 3.0], [0.3, -0.2, -1.0], [0.0, 1.0, 0.0], 0.8, 1.5);
         let (forward, constant) = row(&camera, 3);

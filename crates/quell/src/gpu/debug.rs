@@ -19,7 +19,7 @@ const PASS: &str = "debug";
 /// | mistake | looked for in | looks like |
 /// |---|---|---|
 /// | motion's sign, or its axes, wrong | [`DebugView::MotionError`] | everything coloured wherever the camera moves, its hue turning with the direction |
-/// | motion's scale or unit wrong | [`DebugView::MotionError`] | likewise, fainter where things move less; at rest black |
+/// | motion's scale or unit wrong | [`DebugView::MotionError`] | the same, fainter where things move less; at rest black |
 /// | jitter left in the vectors | [`DebugView::MotionError`] | one even, faint colour over the whole image, another one at every frame, even at rest |
 /// | device depth given as view depth | [`DebugView::WorldGrid`], [`DebugView::DepthError`] | no squares, or bent ones; evenly red, and everything bright in [`DebugView::MotionError`] |
 /// | normals of the camera's space | [`DebugView::NormalError`] | surfaces coloured evenly, more so the farther the camera is turned; they change as it turns |

@@ -234,7 +234,7 @@ impl Denoiser {
             Guides::Packed(_) => None,
         };
         let keys = frame.keys();
-        // Of another tile, what is remembered lies elsewhere.
+        // Of another tile, what is remembered lies at other pixels.
         let is_same_place = frame.tile == self.tile;
         let valid = if is_same_place { self.ledger.open_keyed(frame.index, keys) } else { Validity::default() };
         self.prepare(device, Contents { counts: self.options.count_repairs, ..frame.contents() });

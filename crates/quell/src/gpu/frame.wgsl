@@ -4,7 +4,7 @@
 struct View {
     // Position of view depth 0 for pixel coordinate (u, v), relative to the view's own eye: [0] + u [1] + v [2].
     origin: array<vec3f, 3>,
-    // Displacement of one unit of view depth, likewise.
+    // Displacement of one unit of view depth, of the same form.
     direction: array<vec3f, 3>,
     // Homogeneous pixel coordinate of a point relative to the view's own eye: xyz . X + w each.
     u: vec4f,
@@ -23,9 +23,9 @@ struct View {
 struct Frame {
     // This frame's camera.
     view: View,
-    // The camera of the frame before, as this frame tells it: for the motion of what does not move by itself.
+    // The camera of the frame before, as this frame has it: for the motion of what does not move by itself.
     previous_view: View,
-    // The camera of the frame before, as that frame told it: for the places of its pixels.
+    // The camera of the frame before, as that frame had it: for the places of its pixels.
     before_view: View,
     // Sample positions relative to pixel centres: of this frame, and of the one before.
     jitter: vec2f,

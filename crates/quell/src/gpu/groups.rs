@@ -12,7 +12,7 @@ struct Group {
 }
 
 impl Groups {
-    /// Another program, or buffers that lie elsewhere.
+    /// Another program, or other buffers.
     pub(super) fn clear(&mut self) {
         self.0.clear();
     }

@@ -89,7 +89,7 @@ impl Kernel {
         Self::with_source(device, pass, storage, &pass.source(storage, host_input))
     }
 
-    /// Likewise from changed WGSL with the same bindings and entry point: for tests that plant a difference.
+    /// [`Kernel::new`] from changed WGSL with the same bindings and entry point: for tests that plant a difference.
     pub fn with_source(device: &wgpu::Device, pass: Pass, storage: Storage, source: &str) -> Self {
         let name = format!("quell {}", pass.name);
         let label = Some(name.as_str());

@@ -112,7 +112,7 @@ pub fn unpack_colours(bytes: &[u8], size: Size, format: wgpu::TextureFormat) -> 
     Plane::from_vec(size, texels(bytes, size, format)?.map(|[r, g, b, _]| [r, g, b]).collect()).ok()
 }
 
-/// Likewise the magnitudes of the fourth values: of [`super::Output::confidence`].
+/// The magnitudes of the fourth values: of [`super::Output::confidence`].
 pub fn unpack_fourth(bytes: &[u8], size: Size, format: wgpu::TextureFormat) -> Option<Plane<f32>> {
     Plane::from_vec(size, texels(bytes, size, format)?.map(|[.., a]| a.abs()).collect()).ok()
 }

@@ -204,7 +204,7 @@ impl Pass {
         bindings: SPARSE_BINDINGS,
         pieces: SPARSE_BILATERAL,
     };
-    /// Stage 8, likewise.
+    /// Stage 8.
     pub const GLOSSY_TEMPORAL: Self = Self {
         name: "glossy_temporal",
         stages: &[Stage::GlossyTemporal],
@@ -349,7 +349,7 @@ impl Pass {
             include_str!("passes/matte_temporal_joint.wgsl"),
         ],
     };
-    /// Stage 6 likewise: the same pixels.
+    /// Stage 6 of a plane that is tied to the matte signal: the same pixels.
     pub const FIREFLY_JOINT: Self = Self {
         name: "firefly_joint",
         stages: &[Stage::Firefly],

@@ -173,7 +173,7 @@ pub struct Shown {
     /// The image whose fourth value is the confidence (its magnitude; negative: background): of the matte signal, or of
     /// the glossy one where there is no matte.
     pub confidence: Option<usize>,
-    /// History length in frames, likewise.
+    /// History length in frames.
     pub length: Option<usize>,
 }
 
@@ -197,7 +197,7 @@ pub struct Program {
     pub dispatches: Vec<Dispatch>,
     /// What comes out.
     pub shown: Shown,
-    /// Likewise of the planes that are tied to the matte and to the glossy signal, in their order.
+    /// The planes that are tied to the matte and to the glossy signal, in their order.
     pub joint: [Vec<usize>; 2],
 }
 

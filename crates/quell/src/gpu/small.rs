@@ -31,7 +31,7 @@ impl Small {
         Self { label: format!("{label} uniforms and taps"), buffer: None, parts: Vec::new() }
     }
 
-    /// Appends to the encoder what fills the buffer with these parts. True: some lie elsewhere than before, and what was
+    /// Appends to the encoder what fills the buffer with these parts. True: some lie at other offsets than before, and what was
     /// bound must be bound anew.
     pub(super) fn fill(
         &mut self,

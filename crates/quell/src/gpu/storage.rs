@@ -8,7 +8,7 @@
 //! | moving | rg32uint, 8: motion in 20 bits an axis (relative error 2^-15, under 1.2e-4 px it is 0, at most 131072 px), glossy hit distance over view depth as half, `confidence_in` in steps of 1/240 | rgba32uint, 16 |
 //! | number | r32float, 4 | r32float, 4 |
 //!
-//! The fourth value of a colour is the confidence in what stages 3 and 8 write (negative for background) and 0 elsewhere.
+//! The fourth value of a colour is the confidence in what stages 3 and 8 write (negative for background) and 0 in all other planes.
 //! Colours of the host are textures of any float format.
 
 /// How planes are stored.

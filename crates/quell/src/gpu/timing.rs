@@ -25,7 +25,7 @@ pub struct Timing {
 
 type Timed = (&'static str, &'static [Stage]);
 
-/// Results on their way: written by the encoder, mapped when that is submitted, filled when the host has polled.
+/// Results that are not there yet: written by the encoder, mapped when that is submitted, filled when the host has polled.
 #[derive(Debug)]
 struct Waiting {
     buffer: wgpu::Buffer,

@@ -1,4 +1,5 @@
-//! Structs as WGSL lays them out in memory. Each is declared once here and once in WGSL; a test compares the two.
+//! Structs as WGSL lays them out in memory. Those of the real-time filter are declared once here and once in WGSL, and a test
+//! compares the two; the sequence filter's are declared here, and WGSL is made from that.
 
 use glam::{IVec2, UVec2, UVec4, Vec2, Vec3, Vec4};
 

@@ -223,7 +223,7 @@ impl FrameUniforms {
         Self::from_cameras(&cameras(now), before.map(cameras).as_ref(), valid)
     }
 
-    /// Likewise, from cameras alone, and from what of the frame before may be used.
+    /// The same from cameras alone, and from what of the frame before may be used.
     pub(super) fn from_cameras(now: &Cameras, before: Option<&Cameras>, valid: Validity) -> Self {
         let eye = now.view.eye;
         let before_or_now = before.unwrap_or(now);

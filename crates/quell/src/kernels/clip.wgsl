@@ -62,6 +62,6 @@ fn follow_itself(history: f32, clamped: f32) -> f32 {
 
 // The clamped beauty, with 0 where neither history nor the current signal says how passes would share a value.
 fn shareable(history: f32, clamped: f32, now: f32) -> f32 {
-    let told = clamped == history || tells_shares(history, clamped) || tells_shares(now, clamped);
-    return select(0.0, clamped, told);
+    let known = clamped == history || tells_shares(history, clamped) || tells_shares(now, clamped);
+    return select(0.0, clamped, known);
 }

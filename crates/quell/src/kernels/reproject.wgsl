@@ -2,7 +2,7 @@
 //
 // The pass supplies the planes of the guides, now and before.
 
-// The surface that history must show: where it was, as far as motion tells.
+// The surface that history must show: where it was, as far as motion says.
 struct Expected {
     // Its place in the previous image, continuous coordinate in pixels of this frame.
     coordinate: vec2f,
@@ -83,7 +83,7 @@ fn expected_surface(pixel: vec2i) -> Expected {
         expected.found = true;
         return expected;
     }
-    // Motion tells the pixel but not the depth: the nearest previous pixel of the same object anchors the plane.
+    // Motion gives the pixel but not the depth: the nearest previous pixel of the same object anchors the plane.
     let footprint = footprint_of(to_before(expected.coordinate));
     var weights = footprint.weight;
     var best = -1.0;

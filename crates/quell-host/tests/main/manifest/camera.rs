@@ -1,4 +1,4 @@
-//! The struct `Frame` from matrices, as docs/shaders.md tells a host to fill it.
+//! The struct `Frame` from matrices, as docs/shaders.md has a host fill it.
 
 use quell::{Camera, FrameBuf};
 use serde_json::{Value, json};
@@ -21,7 +21,7 @@ fn scaled(a: Vec3, k: f64) -> Vec3 {
 struct View {
     /// Homogeneous pixel coordinate (u, v, w) of a point X: row . X + constant.
     rows: [(Vec3, f64); 3],
-    /// In single precision, as shaders are told it.
+    /// In single precision, as shaders read it.
     eye: Vec3,
     direction: [Vec3; 3],
     forward: Vec3,
@@ -53,8 +53,8 @@ impl View {
         }
     }
 
-    /// As a frame with this eye is told it.
-    fn told(&self, eye: Vec3) -> Value {
+    /// Members of the struct for a frame with this eye.
+    fn members(&self, eye: Vec3) -> Value {
         let row = |k: usize| {
             let (a, b) = self.rows[k];
             json!([a[0], a[1], a[2], dot(a, self.eye) + b])
@@ -87,7 +87,7 @@ pub fn axes(camera: &Camera) -> [Vec3; 2] {
     })
 }
 
-/// The members of `Prepare` that a frame tells, for a device depth whose far end is 0.
+/// The members of `Prepare` that a frame fills, for a device depth whose far end is 0.
 pub fn prepare(frame: &FrameBuf, extent: [u32; 2]) -> Value {
     let eye = View::new(&frame.camera, extent).eye;
     let m = frame.camera.clip_from_world.map(f64::from);
@@ -104,14 +104,14 @@ pub fn prepare(frame: &FrameBuf, extent: [u32; 2]) -> Value {
 }
 
 /// The members of `Frame`; `before`: the frame before, where there is history.
-pub fn told(frame: &FrameBuf, before: Option<&FrameBuf>, extent: [u32; 2]) -> Value {
+pub fn uniforms(frame: &FrameBuf, before: Option<&FrameBuf>, extent: [u32; 2]) -> Value {
     let now = View::new(&frame.camera, extent);
     let history = u32::from(before.is_some());
     let before = before.unwrap_or(frame);
     json!({
-        "view": now.told(now.eye),
-        "previous_view": View::new(&frame.previous_camera, extent).told(now.eye),
-        "before_view": View::new(&before.camera, extent).told(now.eye),
+        "view": now.members(now.eye),
+        "previous_view": View::new(&frame.previous_camera, extent).members(now.eye),
+        "before_view": View::new(&before.camera, extent).members(now.eye),
         "jitter": frame.camera.jitter,
         "before_jitter": before.camera.jitter,
         "size": extent,

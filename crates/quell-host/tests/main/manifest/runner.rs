@@ -208,8 +208,8 @@ impl<'a> Runner<'a> {
         }
     }
 
-    /// Runs a frame. `told`: what the host tells of each uniform by its name, beyond the values of the manifest.
-    pub fn frame(&mut self, index: i64, told: &Value, inputs: &HashMap<&str, Input>) {
+    /// Runs a frame. `uniforms`: what the host fills of each uniform by its name, beyond the values of the manifest.
+    pub fn frame(&mut self, index: i64, uniforms: &Value, inputs: &HashMap<&str, Input>) {
         self.turn = 1 - self.turn;
         let mut of_host = HashMap::new();
         for (name, input) in inputs {
@@ -229,7 +229,7 @@ impl<'a> Runner<'a> {
         let mut small = HashMap::new();
         for uniform in list(&self.manifest["uniforms"]) {
             let mut values = uniform.get("values").and_then(Value::as_object).cloned().unwrap_or_default();
-            let host = told[text(&uniform["name"])].as_object().cloned().unwrap_or_default();
+            let host = uniforms[text(&uniform["name"])].as_object().cloned().unwrap_or_default();
             values.extend(host);
             if list(uniform.get("per_frame").unwrap_or(&Value::Array(Vec::new()))).contains(&"there".into()) {
                 values.insert("there".to_owned(), self.there(inputs).into());

@@ -107,14 +107,14 @@ pub fn by_the_denoiser(
             confidence_in: None,
         };
         let signal = |light, weight| Some(gpu::Signal { light: view(light), weight: Some(view(weight)), direct: None });
-        let told = gpu::Frame {
+        let encoded = gpu::Frame {
             direct: Some(view("direct input")),
             matte: signal("matte input", "matte weight"),
             glossy: signal("glossy input", "glossy weight"),
             ..gpu::Frame::new(SIZE, frame.camera, frame.previous_camera, frame.index, guides)
         };
         let mut encoder = gpu.encoder("a test");
-        let output = denoiser.encode(gpu.device(), &mut encoder, &told).expect("encoded");
+        let output = denoiser.encode(gpu.device(), &mut encoder, &encoded).expect("encoded");
         let counts = output.repairs.clone().expect("counted");
         let copy =
             gpu.buffer("counts", gpu::Repairs::BYTES, wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::MAP_READ);

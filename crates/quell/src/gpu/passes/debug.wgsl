@@ -160,7 +160,7 @@ fn rejection(pixel: vec2i) -> vec3f {
     if surface_lookup(expected, pixel).trust > 0.0 {
         return REASON_KEPT;
     }
-    // The heaviest pixel of the footprint tells.
+    // The heaviest pixel of the footprint decides.
     let footprint = footprint_of(to_before(expected.coordinate));
     var weights = footprint.weight;
     var most = 0;

@@ -109,7 +109,7 @@ impl SequenceWindow {
         }
     }
 
-    /// Bytes of textures and buffers on the device. Copies on their way there, a frame's worth, come on top.
+    /// Bytes of textures and buffers on the device. Copies of a frame that is uploaded come on top.
     pub fn bytes(&self) -> u64 {
         let buffers = self.work.iter().flat_map(|work| {
             let single = work.features.iter().chain([&work.compared, &work.most]);
@@ -147,7 +147,7 @@ impl SequenceWindow {
         if COLOUR * pixels > limits.max_storage_buffer_binding_size {
             return Err(beyond("max_storage_buffer_binding_size"));
         }
-        // A plane on its way there, with its rows filled up.
+        // A plane that is uploaded, with its rows filled up.
         let row = (size.width as u64 * COLOUR).next_multiple_of(u64::from(wgpu::COPY_BYTES_PER_ROW_ALIGNMENT));
         if row * size.height as u64 > limits.max_buffer_size {
             return Err(beyond("max_buffer_size"));

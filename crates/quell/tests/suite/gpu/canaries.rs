@@ -137,8 +137,8 @@ fn repaired_colours_are_counted_plane_by_plane() {
         let planes = colours.iter().map(Bindable::Plane);
         let bound: Vec<Bindable<'_>> = [Bindable::Counts(&counts)].into_iter().chain(planes).collect();
         let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("test") });
-        let told = PerFrameUniforms { frame: &frame, settings: &settings };
-        kernel.encode(&gpu.device, &mut encoder, told, &bound, SIZE).unwrap();
+        let uniforms = PerFrameUniforms { frame: &frame, settings: &settings };
+        kernel.encode(&gpu.device, &mut encoder, uniforms, &bound, SIZE).unwrap();
         gpu.queue.submit([encoder.finish()]);
         let bytes: Vec<u8> = gpu.read_buffers(&[&counts])[0].iter().flat_map(|n| n.to_le_bytes()).collect();
         let counts = Repairs::read(&bytes).unwrap();

@@ -103,9 +103,9 @@ impl Shown {
         let host = HostFrame::new(self.gpu, &frame);
         // Reversed and infinite, near 0.1: what a depth buffer holds.
         let device = depth_texture(self.gpu, frame.size, |x, y| 0.1 / frame.view_depth.as_ref().unwrap().at(x, y));
-        let told = host.frame(&[]);
-        let Guides::Textures(planes) = told.guides else { panic!() };
-        let mut camera = told.camera;
+        let given = host.frame(&[]);
+        let Guides::Textures(planes) = given.guides else { panic!() };
+        let mut camera = given.camera;
         for c in 0..4 {
             camera.clip_from_world[4 * c + 2] = if c == 3 { 0.1 } else { 0.0 };
         }
@@ -117,7 +117,7 @@ impl Shown {
             _ => convention.normal_space = NormalSpace::World,
         }
         let guides = GuideTextures { convention, view_depth: Some(&device), ..planes };
-        let frame = gpu::Frame { camera, guides: guides.into(), ..told };
+        let frame = gpu::Frame { camera, guides: guides.into(), ..given };
         let mut encoder = self.gpu.device.create_command_encoder(&CommandEncoderDescriptor { label: Some("host") });
         self.denoiser.encode(&self.gpu.device, &mut encoder, &frame).unwrap();
         self.gpu.queue.submit([encoder.finish()]);

@@ -89,7 +89,7 @@ pub struct Output {
     pub scalars: Vec<(&'static str, Plane<f32>)>,
 }
 
-/// A pass with everything that it is told, and what the reference makes of it.
+/// A pass with everything that it reads, and what the reference makes of it.
 pub struct Job {
     pub pass: Pass,
     pub storage: Storage,
@@ -106,7 +106,7 @@ pub fn colour_bytes(plane: &Plane<Rgb>) -> Vec<u8> {
     plane.data().iter().flat_map(|c| [c[0], c[1], c[2], f32::MAX]).flat_map(f32::to_le_bytes).collect()
 }
 
-/// Likewise with a fourth value.
+/// The same with a fourth value.
 pub fn colour_and_bytes(plane: &Plane<Rgb>, fourth: &Plane<f32>) -> Vec<u8> {
     let texels = plane.data().iter().zip(fourth.data()).flat_map(|(c, a)| [c[0], c[1], c[2], *a]);
     texels.flat_map(f32::to_le_bytes).collect()
@@ -151,7 +151,7 @@ impl Gpu {
         self.texture_with(label, format, size, bytes, usages)
     }
 
-    /// Likewise with these usages.
+    /// [`Gpu::texture`] with these usages.
     pub fn texture_with(
         &self,
         label: &str,
@@ -274,8 +274,8 @@ impl Gpu {
         let bound: Vec<Bindable<'_>> =
             planes.iter().map(|p| p.as_ref().map_or_else(|| Bindable::Taps(&taps[0]), Bindable::Plane)).collect();
         let mut encoder = self.device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("test") });
-        let told = PerFrameUniforms { frame: &frame, settings: &settings };
-        kernel.encode(&self.device, &mut encoder, told, &bound, job.size).unwrap();
+        let uniforms = PerFrameUniforms { frame: &frame, settings: &settings };
+        kernel.encode(&self.device, &mut encoder, uniforms, &bound, job.size).unwrap();
         self.queue.submit([encoder.finish()]);
         let written: Vec<(&'static str, Texel, &wgpu::TextureView)> = (job.pass.bindings.iter().zip(&planes))
             .filter_map(|(b, plane)| match b.kind {

@@ -246,7 +246,7 @@ fn shared_planes_give_the_same_bits_in_less_memory() {
             assert_eq!(joint(&a), joint(&b), "fused {fuse}, frame {i}");
             assert_eq!(a.joint.len(), frame.passes.len());
         }
-        // What joint planes needed is told, too.
+        // What joint planes needed is counted, too.
         assert!(single.memory().transient > before.transient && single.memory().persistent > before.persistent);
         // What another image has overwritten is not shown.
         let slot = Slot::Image(Image::MattePrefiltered);

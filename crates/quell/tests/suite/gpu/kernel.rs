@@ -27,29 +27,29 @@ fn wrong_resources_and_sizes_are_errors_that_name_them() {
         let mut encoder = gpu.device.create_command_encoder(&Default::default());
         kernel.encode(&gpu.device, &mut encoder, PerFrameUniforms { frame, settings }, bound, size)
     };
-    let told = [&uniform, &uniform];
+    let uniforms = [&uniform, &uniform];
     let (pass, binding) = ("firefly", "output");
-    assert_eq!(encode(told, &[geometry, input, output], size), Ok(()));
-    assert_eq!(encode(told, &[geometry, input], size), Err(Error::Count { pass, expected: 3, found: 2 }));
+    assert_eq!(encode(uniforms, &[geometry, input, output], size), Ok(()));
+    assert_eq!(encode(uniforms, &[geometry, input], size), Err(Error::Count { pass, expected: 3, found: 2 }));
     assert_eq!(
-        encode(told, &[geometry, input, short], size),
+        encode(uniforms, &[geometry, input, short], size),
         Err(Error::TextureSize { pass, binding, needed: size, found: Size::new(8, 3) })
     );
     assert_eq!(
-        encode(told, &[geometry, input, exact], size),
+        encode(uniforms, &[geometry, input, exact], size),
         Err(Error::Format { pass, binding, expected: "rgba16float", found: TextureFormat::Rgba32Float })
     );
     assert_eq!(
-        encode(told, &[geometry, input, input], size),
+        encode(uniforms, &[geometry, input, input], size),
         Err(Error::Usage { pass, binding, usage: "STORAGE_BINDING" })
     );
     assert_eq!(
-        encode(told, &[geometry, output, output], size),
+        encode(uniforms, &[geometry, output, output], size),
         Err(Error::Usage { pass, binding: "input", usage: "TEXTURE_BINDING" })
     );
-    assert!(matches!(encode(told, &[input, input, output], size), Err(Error::Format { binding: "geometry", .. })));
+    assert!(matches!(encode(uniforms, &[input, input, output], size), Err(Error::Format { binding: "geometry", .. })));
     assert!(matches!(
-        encode(told, &[geometry, Bindable::Taps(&storage), output], size),
+        encode(uniforms, &[geometry, Bindable::Taps(&storage), output], size),
         Err(Error::Kind { binding: "input", .. })
     ));
     assert_eq!(
@@ -57,6 +57,6 @@ fn wrong_resources_and_sizes_are_errors_that_name_them() {
         Err(Error::Usage { pass, binding: "settings", usage: "UNIFORM" })
     );
     for bad in [Size::new(0, 4), Size::new(1 << 20, 1)] {
-        assert!(matches!(encode(told, &[geometry, input, output], bad), Err(Error::Size { .. })), "{bad}");
+        assert!(matches!(encode(uniforms, &[geometry, input, output], bad), Err(Error::Size { .. })), "{bad}");
     }
 }

@@ -18,7 +18,7 @@ async fn as_large_as_fits(
 ) -> Result<gpu::Denoiser, gpu::Error> {
     loop {
         let memory = device.push_error_scope(wgpu::ErrorFilter::OutOfMemory);
-        // What was not made cannot be used: that is told, too.
+        // What was not made cannot be used: that is an error, too.
         let validity = device.push_error_scope(wgpu::ErrorFilter::Validation);
         let made = gpu::Denoiser::new(device, size, options);
         let _ = validity.pop().await;
@@ -32,8 +32,8 @@ async fn as_large_as_fits(
 /// Set when the device is lost: then make another device, and with it a denoiser. What was encoded is gone.
 fn told_when_lost(device: &wgpu::Device) -> Arc<AtomicBool> {
     let lost = Arc::new(AtomicBool::new(false));
-    let told = Arc::clone(&lost);
-    device.set_device_lost_callback(move |_reason, _message| told.store(true, Ordering::Relaxed));
+    let heard = Arc::clone(&lost);
+    device.set_device_lost_callback(move |_reason, _message| heard.store(true, Ordering::Relaxed));
     lost
 }
 
@@ -86,19 +86,19 @@ fn a_lost_device_is_the_hosts_to_hear_of() {
     gpu.device.destroy();
     let _ = gpu.device.poll(wgpu::PollType::Poll);
 
-    let told = |what: &str, result: Result<(), gpu::Error>| println!("{what}: {result:?}");
+    let printed = |what: &str, result: Result<(), gpu::Error>| println!("{what}: {result:?}");
     let frame = Uploaded::frame(&uploaded);
-    told("encode into what was begun", denoiser.encode(&gpu.device, &mut begun, &frame).map(drop));
+    printed("encode into what was begun", denoiser.encode(&gpu.device, &mut begun, &frame).map(drop));
     let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("after") });
-    told("encode", denoiser.encode(&gpu.device, &mut encoder, &frame).map(drop));
+    printed("encode", denoiser.encode(&gpu.device, &mut encoder, &frame).map(drop));
     let target = DebugTarget { view: &target, scale: 1.0 };
     let shown = denoiser.encode_debug(&gpu.device, &mut encoder, &views, DebugView::Depth, target);
-    told("a debug view", shown);
+    printed("a debug view", shown);
     denoiser.resolve_timings(&gpu.device, &mut encoder);
     assert_eq!(denoiser.take_timings(&gpu.queue), None);
-    told("resize", denoiser.resize(&gpu.device, Size::new(40, 30)));
-    told("new", gpu::Denoiser::new(&gpu.device, SIZE, &options()).map(drop));
-    told("debug views", DebugViews::new(&gpu.device, Storage::Half, wgpu::TextureFormat::Rgba8Unorm).map(drop));
+    printed("resize", denoiser.resize(&gpu.device, Size::new(40, 30)));
+    printed("new", gpu::Denoiser::new(&gpu.device, SIZE, &options()).map(drop));
+    printed("debug views", DebugViews::new(&gpu.device, Storage::Half, wgpu::TextureFormat::Rgba8Unorm).map(drop));
     let _ = SequenceWavelet::new(&gpu.device);
     // A host that does not know yet submits, too.
     gpu.queue.submit([begun.finish(), encoder.finish()]);

@@ -154,11 +154,11 @@ fn planes_of_changed(gpu: &Gpu, storage: Storage, source: &str, border: &Border<
     let kernel = Kernel::with_source(&gpu.device, Pass::PREPARE, storage, source);
     // `Guides` know the cameras only; their planes do not matter here.
     let blank = FrameBuf { previous_camera: border.previous_camera, ..FrameBuf::new(SIZE, border.camera) };
-    let uniform = |bytes: &[u8]| gpu.buffer("told", bytes, B::UNIFORM);
+    let uniform = |bytes: &[u8]| gpu.buffer("uniforms", bytes, B::UNIFORM);
     let frame = uniform(&FrameUniforms::new(&guides(&blank), None).bytes());
     let settings = uniform(&SettingsUniforms::new(&Settings::default(), SIZE).bytes());
     let cameras = [&border.camera, &border.previous_camera];
-    let told = uniform(&PrepareUniforms::new(cameras, SIZE, &border.planes).unwrap().bytes());
+    let prepare = uniform(&PrepareUniforms::new(cameras, SIZE, &border.planes).unwrap().bytes());
     let counts = gpu.buffer("counts", &[0; gpu::Repairs::BYTES as usize], B::STORAGE | B::COPY_SRC);
     let [depth, id] = [Texel::Number, Texel::Surface]
         .map(|texel| gpu.texture("none", texel.format(Storage::Half), Size::new(1, 1), &[0; 4]));
@@ -180,13 +180,13 @@ fn planes_of_changed(gpu: &Gpu, storage: Storage, source: &str, border: &Border<
         let bytes = vec![0xff; texel.bytes(storage) as usize * SIZE.pixels()];
         gpu.texture_with("guides", texel.format(storage), SIZE, &bytes, T::STORAGE_BINDING | T::COPY_SRC)
     });
-    let bound: Vec<Bindable<'_>> = [Bindable::Uniform(&told), Bindable::Counts(&counts)]
+    let bound: Vec<Bindable<'_>> = [Bindable::Uniform(&prepare), Bindable::Counts(&counts)]
         .into_iter()
         .chain(given.chain(&out).map(Bindable::Plane))
         .collect();
     let mut encoder = gpu.device.create_command_encoder(&CommandEncoderDescriptor { label: Some("test") });
-    let told = PerFrameUniforms { frame: &frame, settings: &settings };
-    kernel.encode(&gpu.device, &mut encoder, told, &bound, SIZE).unwrap();
+    let uniforms = PerFrameUniforms { frame: &frame, settings: &settings };
+    kernel.encode(&gpu.device, &mut encoder, uniforms, &bound, SIZE).unwrap();
     gpu.queue.submit([encoder.finish()]);
     let bytes: Vec<u8> = gpu.read_buffers(&[&counts])[0].iter().flat_map(|n| n.to_le_bytes()).collect();
     (gpu.read(SIZE, &out.each_ref()), gpu::Repairs::read(&bytes).unwrap())
@@ -287,7 +287,7 @@ fn octahedral(n: [f32; 3]) -> Vec2 {
     if n.z >= 0.0 { p } else { Vec2::new((1.0 - p.y.abs()) * sign(p.x), (1.0 - p.x.abs()) * sign(p.y)) }
 }
 
-/// A host's way to hold a frame, what it is told, how near the guides come, and a convention that is wrong for it.
+/// How a host holds a frame, what the pass gets of it, how near the guides come, and a convention that is wrong for it.
 struct Case {
     name: &'static str,
     bound: Bound,

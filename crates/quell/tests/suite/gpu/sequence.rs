@@ -222,7 +222,7 @@ fn frames_encoded_before_one_submit_are_as_if_submitted_singly() {
     let (size, settings) = (Size::new(37, 23), Settings::default());
     let uploaded: Vec<Uploaded> = (0..3).map(|i| Uploaded::new(gpu, &scene.frame(size, i), Storage::Half)).collect();
     let last = uploaded[2].frame();
-    // `overwritten`: every frame is told what the last one is, as if all read one buffer after all had written it.
+    // `overwritten`: every frame reads the uniforms of the last one, as if all read one buffer after all had written it.
     let run = |together: bool, count: usize, overwritten: bool| {
         let mut denoiser = gpu::Denoiser::new(&gpu.device, size, &Options::new(&settings)).unwrap();
         let encoder = || gpu.device.create_command_encoder(&CommandEncoderDescriptor { label: Some("host") });
@@ -244,7 +244,7 @@ fn frames_encoded_before_one_submit_are_as_if_submitted_singly() {
     let right = run(false, 3, false);
     assert_eq!(run(true, 3, false), right);
     assert_ne!(run(true, 2, false), right, "the same frame again");
-    assert_ne!(run(false, 3, true), right, "what a frame is told does not show");
+    assert_ne!(run(false, 3, true), right, "uniforms of a frame do not show");
 }
 
 #[test]

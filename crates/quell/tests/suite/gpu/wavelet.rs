@@ -19,7 +19,7 @@ const SEQUENCE: f64 = 5e-5;
 
 /// A host as small as can be.
 #[derive(Debug)]
-struct Elsewhere {
+struct OnDevice {
     gpu: &'static Gpu,
     wavelet: SequenceWavelet,
     /// Pixels that a binding may hold.
@@ -27,13 +27,13 @@ struct Elsewhere {
     fails: bool,
 }
 
-impl Elsewhere {
+impl OnDevice {
     fn new(gpu: &'static Gpu) -> Self {
         Self { gpu, wavelet: SequenceWavelet::new(&gpu.device), most_pixels: 1 << 23, fails: false }
     }
 }
 
-impl Accelerator for Elsewhere {
+impl Accelerator for OnDevice {
     fn name(&self) -> String {
         "test".to_owned()
     }
@@ -119,8 +119,8 @@ pub fn frame(size: Size, t: i64) -> SequenceFrame {
     frame.lights[1].joint = vec![half(0.25), half(0.75)];
     let emission = Plane::from_fn(size, |x, _| [x as f32 * 0.01; 3]);
     frame.lights.push(Light::new("emission", LightKind::NoiseFree, emission));
-    let weight = |in_mirror: f32, elsewhere: f32| {
-        Some(Arc::new(Plane::from_fn(size, |x, y| [if mirror(x, y) { in_mirror } else { elsewhere }; 3])))
+    let weight = |in_mirror: f32, beside: f32| {
+        Some(Arc::new(Plane::from_fn(size, |x, y| [if mirror(x, y) { in_mirror } else { beside }; 3])))
     };
     for (light, weight) in [(0, weight(0.0, 0.6)), (1, weight(0.0, 0.6)), (3, weight(0.9, 0.1)), (4, weight(0.8, 0.0))]
     {
@@ -179,9 +179,9 @@ fn run_on(
 fn run(
     settings: &SequenceSettings,
     frames: impl IntoIterator<Item = SequenceFrame>,
-    elsewhere: Option<&Arc<Elsewhere>>,
+    host: Option<&Arc<OnDevice>>,
 ) -> Vec<Filtered> {
-    let denoiser = match elsewhere {
+    let denoiser = match host {
         None => SequenceDenoiser::new(settings.clone()).unwrap(),
         Some(host) => SequenceDenoiser::with_accelerator(settings.clone(), host.clone()).unwrap(),
     };
@@ -221,7 +221,7 @@ pub fn difference(a: &[Filtered], b: &[Filtered]) -> f64 {
 #[test]
 fn one_frame_agrees_at_every_size_and_with_any_guide_missing() {
     let Some(gpu) = gpu() else { return };
-    let host = Arc::new(Elsewhere::new(gpu));
+    let host = Arc::new(OnDevice::new(gpu));
     let mut frames: Vec<(String, SequenceFrame)> = [(1, 1), (1, 7), (13, 1), (31, 17), (70, 41)]
         .map(|(w, h)| (format!("{w}x{h}"), frame(Size::new(w, h), 3)))
         .into();
@@ -245,7 +245,7 @@ fn one_frame_agrees_at_every_size_and_with_any_guide_missing() {
 #[test]
 fn thirty_frames_agree_and_passes_still_add_up() {
     let Some(gpu) = gpu() else { return };
-    let host = Arc::new(Elsewhere::new(gpu));
+    let host = Arc::new(OnDevice::new(gpu));
     let frames = || (0..30).map(|t| frame(Size::new(40, 24), t));
     let settings = SequenceSettings::default();
     let (cpu, found) = (run(&settings, frames(), None), run(&settings, frames(), Some(&host)));
@@ -274,8 +274,8 @@ fn thirty_frames_agree_and_passes_still_add_up() {
 fn bands_of_rows_give_the_bits_of_the_whole() {
     let Some(gpu) = gpu() else { return };
     let size = Size::new(9, 150);
-    let whole = Arc::new(Elsewhere::new(gpu));
-    let banded = Arc::new(Elsewhere { most_pixels: 9 * 141, ..Elsewhere::new(gpu) });
+    let whole = Arc::new(OnDevice::new(gpu));
+    let banded = Arc::new(OnDevice { most_pixels: 9 * 141, ..OnDevice::new(gpu) });
     assert_eq!(WaveletJob::margin(5), 67);
     assert_eq!(SequenceWavelet::bands_of(9 * 141, size, 5).unwrap().len(), 22);
     let whole = run(&alone(), [frame(size, 0)], Some(&whole));
@@ -346,7 +346,7 @@ fn planted_differences_are_found() {
         let wavelet = passes.iter().fold(whole.clone(), |wavelet, (pass, source)| {
             wavelet.with_source(&gpu.device, *pass, &source.replace(from, to))
         });
-        let found = run(&alone(), [frame(size, 3)], Some(&Arc::new(Elsewhere { wavelet, ..Elsewhere::new(gpu) })));
+        let found = run(&alone(), [frame(size, 3)], Some(&Arc::new(OnDevice { wavelet, ..OnDevice::new(gpu) })));
         let d = difference(&wanted, &found);
         println!("{to}: {d:.1e}");
         assert!(d > WAVELET, "`{to}` for `{from}` is not seen: {d:.1e}");
@@ -357,15 +357,15 @@ fn planted_differences_are_found() {
 fn what_cannot_run_is_an_error() {
     let Some(gpu) = gpu() else { return };
     let size = Size::new(12, 5);
-    let host = Arc::new(Elsewhere { fails: true, ..Elsewhere::new(gpu) });
+    let host = Arc::new(OnDevice { fails: true, ..OnDevice::new(gpu) });
     let mut denoiser = SequenceDenoiser::with_accelerator(SequenceSettings::default(), host).unwrap();
     assert!(denoiser.push(frame(size, 0), true).unwrap().is_empty());
     assert_eq!(denoiser.finish().unwrap_err().to_string(), "test: planted");
-    // What was inside is given up; nothing is filtered elsewhere in secret.
+    // What was inside is given up; nothing is filtered on the CPU in secret.
     assert!(denoiser.finish().unwrap().is_empty());
     let mut bright = frame(size, 0);
     bright.lights[0].light.data_mut()[7] = [1e17, 0.0, 0.0];
-    let host = Arc::new(Elsewhere::new(gpu));
+    let host = Arc::new(OnDevice::new(gpu));
     let mut denoiser = SequenceDenoiser::with_accelerator(SequenceSettings::default(), host).unwrap();
     assert!(denoiser.push(bright, true).unwrap().is_empty());
     let error = denoiser.finish().unwrap_err().to_string();
