@@ -98,11 +98,11 @@ impl Context {
         report
     }
 
-    /// The back end that filters; looked for, and told with `-v`, at the first call.
+    /// The back end that filters; looked for at the first call, and named with `-v`.
     pub fn backend(&self) -> Result<&Backend, Failure> {
-        let told = self.choice.found().is_some();
+        let known = self.choice.found().is_some();
         let chosen = self.choice.get()?;
-        if !told {
+        if !known {
             let backend = &chosen.backend;
             let on = backend.adapter().map_or(String::new(), |adapter| format!(" on {adapter}"));
             self.detail(&format!("back end: {}{on} ({})", backend.name(), chosen.why));

@@ -1,4 +1,4 @@
-//! Ctrl-C and SIGTERM: the frame in hand is given up, what is written is whole, and the user is told how far it came.
+//! Ctrl-C and SIGTERM: the frame in hand is given up, what is written is whole, and a message says how far it came.
 
 use crate::failure::Failure;
 use std::sync::atomic::{AtomicBool, Ordering};

@@ -46,7 +46,7 @@ pub struct Half<'a> {
     pub composite: Option<PlaneRef<'a, Rgb>>,
     /// The matte signal from this half's samples, without its weight.
     pub matte: Option<PlaneRef<'a, Rgb>>,
-    /// The glossy signal likewise.
+    /// The same of the glossy signal.
     pub glossy: Option<PlaneRef<'a, Rgb>>,
 }
 

@@ -47,7 +47,7 @@
 //! let headers = sequence.frames[0].read_headers()?;
 //! let named: Vec<_> = sequence.frames[0].named(&headers);
 //! for mapping in quell_frames::map_roles(&named, &MapOptions::default())? {
-//!     // Headers of all frames tell the canvas; pixels of two frames tell sums, encodings and vectors.
+//!     // Headers of all frames give the canvas; pixels of two frames show sums, encodings and vectors.
 //!     let canvas = headers.iter().map(|i| i.full_window()).reduce(|a, b| a.union(b)).unwrap();
 //!     let [first, second] = [0, 1].map(|n| sequence.frames[n].read(&mapping));
 //!     let adapter = Adapter::new(mapping.clone(), canvas, &first?, Some(&second?), &AdaptOptions::default())?;

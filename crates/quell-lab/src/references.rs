@@ -104,7 +104,7 @@ pub struct ReferenceProgress {
 }
 
 /// Traces the reference of one frame, or continues it from the cache, until the target is reached. After each batch
-/// both halves are stored and `progress` is told; a stop through `control` keeps every whole batch.
+/// both halves are stored and `progress` is called; a stop through `control` keeps every whole batch.
 ///
 /// # Errors
 /// [`Error::Trace`] ([`quell_trace::TraceError::Cancelled`] after a stop), [`Error::Cache`], I/O errors of the cache.

@@ -23,7 +23,7 @@ pub const SIZE_LIMIT: usize = 32768;
 /// Tells the seed of a frame's half B from that of its half A.
 const SECOND_HALF_SEED: u64 = 0x9e37_79b9_7f4a_7c15;
 
-/// Rows that are traced before the cancel flag is looked at and progress is told.
+/// Rows that are traced before the cancel flag is looked at and progress is reported.
 const BAND_ROWS: usize = 16;
 
 /// What the composite of one frame converges to.

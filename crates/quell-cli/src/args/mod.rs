@@ -23,7 +23,7 @@ pub use shaders::ShadersArgs;
 use std::path::PathBuf;
 use values::{BackendChoice, Setting};
 
-/// Where `demo` writes unless told otherwise.
+/// Where `demo` writes by default.
 pub const DEMO_FOLDER: &str = "quell-demo";
 
 /// The whole command line.

@@ -272,8 +272,8 @@ fn traced(
     environment::surround(context, &mut scene, environment)?;
     let tracer = Tracer::new(&scene, FIRST_FRAME, 1)?;
     let progress = Progress::new("trace", 1, context.quiet);
-    let told = |share: f32| progress.within(0, share, "tracing");
-    let control = Control { cancel: Some(interrupt::flag()), progress: Some(&told) };
+    let notify = |share: f32| progress.within(0, share, "tracing");
+    let control = Control { cancel: Some(interrupt::flag()), progress: Some(&notify) };
     // The best of a few rounds: what else the machine does only slows.
     let mut seconds = f64::INFINITY;
     let first = Instant::now();

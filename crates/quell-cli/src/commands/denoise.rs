@@ -110,7 +110,7 @@ fn filter(context: &Context, job: &Job) -> Result<(Outcome, Vec<String>), Failur
     let progress = Progress::new("frame", wanted, context.quiet);
     let begin = Instant::now();
     let heard: Mutex<(usize, Vec<String>)> = Mutex::default();
-    let told = |event: Event| {
+    let notify = |event: Event| {
         // Nothing in here panics, so the lock is never poisoned.
         let Ok(mut heard) = heard.lock() else { return };
         match event {
@@ -148,7 +148,7 @@ fn filter(context: &Context, job: &Job) -> Result<(Outcome, Vec<String>), Failur
             }
         }
     };
-    let outcome = job.run(interrupt::flag(), &told)?;
+    let outcome = job.run(interrupt::flag(), &notify)?;
     drop(progress);
     let warnings = heard.into_inner().map(|heard| heard.1).unwrap_or_default();
     Ok((outcome, warnings))

@@ -65,14 +65,14 @@ fn options(args: DoctorArgs) -> DoctorOptions {
 
 fn look(context: &Context, options: DoctorOptions) -> Result<Diagnosis, Failure> {
     let progress: Mutex<Option<Progress>> = Mutex::new(None);
-    let told = |done: usize, of: usize| {
+    let notify = |done: usize, of: usize| {
         // Nothing in here panics, so the lock is never poisoned.
         let Ok(mut progress) = progress.lock() else { return };
         let progress = progress.get_or_insert_with(|| Progress::new("frame", of, context.quiet));
         progress.done_with(done, "");
     };
     let stop = interrupt::flag();
-    let found = examine(&options, &told, stop);
+    let found = examine(&options, &notify, stop);
     if stop.load(Ordering::Relaxed) {
         return Err(Failure::Interrupted("nothing was examined to the end".to_owned()));
     }

@@ -54,7 +54,7 @@ pub fn middle(frames: &[i64]) -> i64 {
     frames.get(frames.len() / 2).copied().unwrap_or(FIRST_FRAME)
 }
 
-/// Samples a pixel of a reference, both halves together, unless told otherwise.
+/// Samples a pixel of a reference, both halves together, by default.
 const DEFAULT_REFERENCE_SPP: u32 = 256;
 
 /// How light is sampled, from the command line.

@@ -38,7 +38,7 @@ pub fn run(context: &Context, args: ReproduceArgs) -> Result<(), Failure> {
     output::check_page(&page)?;
     let wanted = |part: ReproducePart| args.only.is_empty() || args.only.contains(&part);
     let cache = Cache::default_place();
-    let told = |what: &str| context.note(what);
+    let notify = |what: &str| context.note(what);
     let program = program();
     let shop = Workshop {
         folder: &args.output,
@@ -47,7 +47,7 @@ pub fn run(context: &Context, args: ReproduceArgs) -> Result<(), Failure> {
         backend,
         memory: &Counted,
         cancel: Some(interrupt::flag()),
-        told: &told,
+        notify: &notify,
     };
     let reference_samples = args.reference_spp.div_ceil(2);
     let camera = args.camera.unwrap_or(BUILT_IN_CAMERA);
@@ -60,7 +60,7 @@ pub fn run(context: &Context, args: ReproduceArgs) -> Result<(), Failure> {
     let mut further = Map::new();
     let mut report = context.report();
     if wanted(ReproducePart::Stages) {
-        told("stage times");
+        notify("stage times");
         let (section, stages) = bench::section(context, args.stages_size)?;
         sections.push(section);
         report.stages = stages;

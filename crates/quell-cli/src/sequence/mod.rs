@@ -223,8 +223,8 @@ impl Job {
         // The noisy frame's share of the work, in samples.
         let reference_samples = self.references.samples_of(number);
         let part = self.options.samples as f32 / (self.options.samples as f32 + reference_samples as f32);
-        let told = |share: f32| progress.within(index, share * part, "tracing");
-        let control = Control { cancel: Some(interrupt::flag()), progress: Some(&told) };
+        let notify = |share: f32| progress.within(index, share * part, "tracing");
+        let control = Control { cancel: Some(interrupt::flag()), progress: Some(&notify) };
         let rendered = tracer.render(&self.options, &control)?;
         run.trace_seconds += begin.elapsed().as_secs_f64();
         run.rays.closest += rendered.rays.closest;
@@ -264,8 +264,8 @@ impl Job {
             denoiser.notes().into_iter().for_each(|note| run.note(note));
         }
 
-        let told = |share: f32| progress.within(index, part + share * (1.0 - part), "reference");
-        let reference = self.references.of(&self.scene, &self.options, self.camera, number, &told);
+        let notify = |share: f32| progress.within(index, part + share * (1.0 - part), "reference");
+        let reference = self.references.of(&self.scene, &self.options, self.camera, number, &notify);
         if let Some(reference) = reference.map_err(FrameFailure::All)? {
             if let ReferencePicture::Traced(halves) = &reference {
                 run.clamped_to_half += self.files.reference(frame, halves, &labels)?;

@@ -56,14 +56,14 @@ impl ReferenceSource {
         }
     }
 
-    /// The reference of a frame; `None` where there shall be none. `told` hears the share done, 0..1.
+    /// The reference of a frame; `None` where there shall be none. `notify` hears the share done, 0..1.
     pub fn of(
         &self,
         scene: &Scene,
         options: &RenderOptions,
         camera: usize,
         frame: i64,
-        told: &dyn Fn(f32),
+        notify: &dyn Fn(f32),
     ) -> Result<Option<ReferencePicture>, Failure> {
         match self {
             Self::Given(files) => match files.get(&frame) {
@@ -74,7 +74,7 @@ impl ReferenceSource {
                 let what = ReferenceOf { scene, camera, frame, options };
                 let control = Control { cancel: Some(crate::interrupt::flag()), progress: None };
                 let pair = converge(cache.as_ref(), &what, target, &control, |progress| {
-                    told(progress.samples as f32 / progress.of.max(1) as f32);
+                    notify(progress.samples as f32 / progress.of.max(1) as f32);
                 });
                 let pair = pair.map_err(|e| match e {
                     quell_lab::Error::Trace(TraceError::Cancelled) if cache.is_some() => {

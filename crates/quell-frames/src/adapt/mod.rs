@@ -1,6 +1,6 @@
 //! From a file's passes to a frame of the filter, and from filtered light back to the file's passes.
 //!
-//! [`Adapter::new`] decides on the first frame what can be told from pixels (does the colour lie inside the light
+//! [`Adapter::new`] decides on the first frame what can be seen in pixels (does the colour lie inside the light
 //! passes, do they add up, how are normals encoded, what do vectors mean). [`Adapter::frame`] makes a
 //! [`SequenceFrame`]; [`Adapter::write_back`] puts filtered light into the images.
 
@@ -199,7 +199,7 @@ impl Adapter {
         self.vectors
     }
 
-    /// True where world positions tell the camera.
+    /// True where world positions give the camera.
     pub(crate) fn has_positions(&self) -> bool {
         self.mapping.get(Role::Position).is_some() && self.mapping.renderer.position == crate::roles::Space::World
     }
@@ -209,7 +209,7 @@ impl Adapter {
         self.cameras
     }
 
-    /// True where normals were told to lie in 0..1.
+    /// True where normals lie in 0..1.
     pub(crate) const fn normals_unsigned(&self) -> bool {
         self.guides.normal_unsigned
     }

@@ -8,7 +8,7 @@ use quell::{Plane, Rgb, Size};
 /// moving camera, Blender's factory settings). One seed: above 0.5 with guides, 0.28 to 0.31 without.
 pub(crate) const REPEATS: f64 = 0.2;
 
-/// Least deviation of the residuals (tone-mapped, 0..1) for which noise can be told at all.
+/// Least deviation of the residuals (tone-mapped, 0..1) for which noise can be recognised at all.
 const NOISY: f64 = 0.004;
 
 /// Every how many rows are looked at.
@@ -60,7 +60,7 @@ impl Trace {
         self.correlation(last).is_some_and(|c| c > REPEATS)
     }
 
-    /// Correlation of the noise of two frames, pixel by pixel; `None` where too little of it can be told.
+    /// Correlation of the noise of two frames, pixel by pixel; `None` where there is too little of it.
     pub fn correlation(&self, last: &Self) -> Option<f64> {
         let (mut aa, mut bb, mut ab, mut count) = (0.0, 0.0, 0.0, 0);
         for (a, b) in self.residuals.iter().zip(&last.residuals) {

@@ -166,7 +166,7 @@ pub struct Diagnosis {
     pub display: Option<Window>,
     /// What each pass was taken for, and why.
     pub mapping: String,
-    /// The renderer and how it was told.
+    /// The renderer and how it was recognised.
     pub renderer: String,
     /// What is wrong, most severe first.
     pub findings: Vec<Finding>,

@@ -49,13 +49,13 @@ pub struct DoctorOptions {
     pub frames: Option<Vec<i64>>,
     /// Which passes are what.
     pub map: MapOptions,
-    /// What vectors mean, as `quell denoise` would be told.
+    /// What vectors mean, as `quell denoise` would take them.
     pub motion: MotionChoice,
     /// How many pairs of frames are kept to be shown.
     pub exhibits: usize,
 }
 
-/// Examines a sequence. `told` hears which frame is looked at, of how many; `stop` ends it early.
+/// Examines a sequence. `notify` hears which frame is looked at, of how many; `stop` ends it early.
 ///
 /// What is wrong with the files is a finding, not an error.
 ///
@@ -64,7 +64,7 @@ pub struct DoctorOptions {
 /// exist; [`Error::Io`] where a folder cannot be listed.
 pub fn examine(
     options: &DoctorOptions,
-    told: &(dyn Fn(usize, usize) + Sync),
+    notify: &(dyn Fn(usize, usize) + Sync),
     stop: &AtomicBool,
 ) -> Result<Diagnosis, Error> {
     let mut found = Diagnosis::default();
@@ -128,7 +128,7 @@ pub fn examine(
     for (i, mapping) in mappings.iter().enumerate() {
         let mut own = Diagnosis { frames: found.frames.clone(), ..Diagnosis::default() };
         let job = Layer { options, sequence: &sequence, headers: &headers, mapping, canvas, numbers: &numbers };
-        job.examine(&images, first.number, &mut own, &|k| told(i * numbers.len() + k, total), stop)?;
+        job.examine(&images, first.number, &mut own, &|k| notify(i * numbers.len() + k, total), stop)?;
         merge(&mut found, own, several, mapping);
     }
     found.examined = numbers;
@@ -152,7 +152,7 @@ impl Layer<'_> {
         headers: &[ExrImage],
         first: i64,
         found: &mut Diagnosis,
-        told: &dyn Fn(usize),
+        notify: &dyn Fn(usize),
         stop: &AtomicBool,
     ) -> Result<(), Error> {
         let mapping = self.mapping;
@@ -170,7 +170,7 @@ impl Layer<'_> {
             if stop.load(Ordering::Relaxed) {
                 return Err(Error::invalid(Path::new("doctor"), "interrupted"));
             }
-            told(i);
+            notify(i);
             let Some(sources) = self.sequence.frame(*number) else { continue };
             let images = match look::read(sources, mapping) {
                 Ok(images) => images,

@@ -315,7 +315,7 @@ impl Motion {
                     // Blender's second pair of numbers, wrong in the same way.
                     Some(old) => {
                         old.evidence += &format!(
-                            "; the second pair of numbers likewise ({:.1} %, {:.1} %)",
+                            "; the second pair of numbers, too ({:.1} %, {:.1} %)",
                             used * 100.0,
                             error * 100.0
                         );
@@ -556,13 +556,13 @@ fn missing(cameras: bool, several: bool, found: &mut Diagnosis) {
     let (severity, text, spoils) = if cameras {
         (
             Severity::Warning,
-            "no pass is called like motion; positions or header matrices tell the cameras",
+            "no pass is called like motion; positions or header matrices give the cameras",
             "what stands still is followed by the cameras; what moves by itself smears or stays noisy",
         )
     } else {
         (
             Severity::Fault,
-            "no pass is called like motion, and neither positions nor header matrices tell the cameras",
+            "no pass is called like motion, and neither positions nor header matrices give the cameras",
             "each frame is filtered by itself: noise that is left flickers",
         )
     };

@@ -247,7 +247,7 @@ impl<'a> Warp<'a> {
             }
             Kind::Other(..) => {
                 for c in 0..3 {
-                    // Where nothing changes nothing is told; where all changes at once a silhouette lies between.
+                    // Where nothing changes nothing can be measured; where all changes at once a silhouette lies between.
                     let slope = dx[c].abs().max(dy[c].abs());
                     if slope > LEAST_SLOPE && slope < 0.5 {
                         all.push(Equation {

@@ -30,7 +30,7 @@ pub(super) fn run(
     job: &Job,
     count: &dyn Fn(f32) -> Result<usize, Error>,
     stop: &AtomicBool,
-    told: &(dyn Fn(Event) + Sync),
+    notify: &(dyn Fn(Event) + Sync),
 ) -> Result<Outcome, Error> {
     let mut all = Outcome { frames: Vec::new(), cuts: Vec::new(), ended: None, times: super::Times::default() };
     let begin = std::time::Instant::now();
@@ -42,7 +42,7 @@ pub(super) fn run(
         }
         let scratch = Scratch::new(job.folder())?;
         let part = Part { job, plan: job.plan_of(some), disk: Disk::new(job), scratch: &scratch };
-        part.run(count, stop, told, &mut all)?;
+        part.run(count, stop, notify, &mut all)?;
     }
     all.cuts.sort_unstable();
     all.cuts.dedup();
@@ -103,12 +103,12 @@ impl Part<'_> {
         &self,
         count: &dyn Fn(f32) -> Result<usize, Error>,
         stop: &AtomicBool,
-        told: &(dyn Fn(Event) + Sync),
+        notify: &(dyn Fn(Event) + Sync),
         all: &mut Outcome,
     ) -> Result<(), Error> {
         let asked = || stop.load(Ordering::SeqCst);
         let (before, mut busy) = (pool_seconds(), Busy::default());
-        let (entries, moved) = busy.during(|| self.spool(&asked, told))?;
+        let (entries, moved) = busy.during(|| self.spool(&asked, notify))?;
         add(&mut all.times.reading.cpu, since(before));
         all.times.reading.busy += busy.seconds();
 
@@ -121,14 +121,14 @@ impl Part<'_> {
             if asked() {
                 break;
             }
-            told(Event::Band(band, bands));
+            notify(Event::Band(band, bands));
             let core = band * size.height / bands..(band + 1) * size.height / bands;
             let rows = core.start.saturating_sub(margin)..(core.end + margin).min(size.height);
             let files = Band { part: self, entries: &entries, rows, core, band, layouts: &layouts };
             // What is wrong with a frame is wrong in every band.
             let once = |event: Event| match event {
                 Event::Written(_) | Event::Read(_) => {}
-                event if band == 0 => told(event),
+                event if band == 0 => notify(event),
                 _ => {}
             };
             let mut window = Denoisers::new(self.job)?;
@@ -167,7 +167,7 @@ impl Part<'_> {
                 all.ended.get_or_insert_default();
                 Fate::Skipped
             } else {
-                busy.during(|| self.write(number, &entries, &layouts, bands, told, &mut all.ended))
+                busy.during(|| self.write(number, &entries, &layouts, bands, notify, &mut all.ended))
             };
             all.frames.push((number, fate));
         }
@@ -186,7 +186,7 @@ impl Part<'_> {
     fn spool(
         &self,
         asked: &dyn Fn() -> bool,
-        told: &(dyn Fn(Event) + Sync),
+        notify: &(dyn Fn(Event) + Sync),
     ) -> Result<(BTreeMap<i64, Entry>, f32), Error> {
         let mut entries = BTreeMap::new();
         let mut moved = 0.0f32;
@@ -197,8 +197,8 @@ impl Part<'_> {
             }
             let read = self.disk.read(step.number, step.wanted);
             let mut next = read.map(|(loaded, notes)| {
-                told(Event::Read(step.number));
-                notes.into_iter().for_each(|note| told(Event::Note(note)));
+                notify(Event::Read(step.number));
+                notes.into_iter().for_each(|note| notify(Event::Note(note)));
                 loaded
             });
             if let Some((number, mut last)) = waiting.take() {
@@ -247,19 +247,19 @@ impl Part<'_> {
         entries: &BTreeMap<i64, Entry>,
         layouts: &BTreeMap<(i64, usize), Layout>,
         bands: usize,
-        told: &(dyn Fn(Event) + Sync),
+        notify: &(dyn Fn(Event) + Sync),
         ended: &mut Option<String>,
     ) -> Fate {
         let written = self.assemble(number, entries, layouts, bands).and_then(|done| self.disk.write(number, done));
         match written {
             Ok(notes) => {
-                notes.into_iter().for_each(|note| told(Event::Note(note)));
-                told(Event::Written(number));
+                notes.into_iter().for_each(|note| notify(Event::Note(note)));
+                notify(Event::Written(number));
                 Fate::Written
             }
             Err(error) => {
                 let reason = error.to_string();
-                told(Event::Failed(number, reason.clone()));
+                notify(Event::Failed(number, reason.clone()));
                 if error.is_lasting() {
                     *ended = Some(reason.clone());
                 }

@@ -73,7 +73,7 @@ pub enum Fate {
     Skipped,
 }
 
-/// What happens, told while it happens, from any thread.
+/// What happens, reported while it happens, from any thread.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Event {
     /// A frame has come in.
@@ -124,7 +124,7 @@ pub struct RunOptions {
 
 /// Runs a plan. The filter works in the caller's thread pool, reading and writing in pools of the same size beside it.
 ///
-/// `stop` ends it early: frames that are not being written are given up. `told` hears what happens.
+/// `stop` ends it early: frames that are not being written are given up. `notify` hears what happens.
 ///
 /// # Errors
 /// [`Error::Io`] where the system gives no threads.
@@ -134,7 +134,7 @@ pub fn run<F, W>(
     window: &mut W,
     options: RunOptions,
     stop: &AtomicBool,
-    told: &(dyn Fn(Event) + Sync),
+    notify: &(dyn Fn(Event) + Sync),
 ) -> Result<Outcome, Error>
 where
     F: Files,
@@ -153,15 +153,15 @@ where
         busy: Busy::default(),
         ended: None,
         options,
-        told,
+        notify,
     };
     let (reading, writing, ended) = std::thread::scope(|scope| {
         let (loaded_to, loaded) = sync_channel(QUEUE);
         let (done_to, done) = sync_channel(QUEUE);
         let stopped = &stopped;
-        let reader = scope.spawn(move || readers.install(move || read_all(plan, files, &loaded_to, stopped, told)));
+        let reader = scope.spawn(move || readers.install(move || read_all(plan, files, &loaded_to, stopped, notify)));
         let end_early = &end_early;
-        let writer = scope.spawn(move || writers.install(move || write_all(files, &done, stopped, end_early, told)));
+        let writer = scope.spawn(move || writers.install(move || write_all(files, &done, stopped, end_early, notify)));
         middle.filter_all(window, &loaded, &done_to, stopped);
         // Both ends hang up: the others notice and end.
         drop((loaded, done_to));
@@ -194,7 +194,7 @@ fn read_all<F: Files>(
     files: &F,
     to: &SyncSender<(Step, Result<F::Loaded, Error>)>,
     stopped: &(dyn Fn() -> bool + Sync),
-    told: &(dyn Fn(Event) + Sync),
+    notify: &(dyn Fn(Event) + Sync),
 ) -> StageTime {
     let before = pool_seconds();
     let mut busy = Busy::default();
@@ -204,8 +204,8 @@ fn read_all<F: Files>(
         }
         let loaded = busy.during(|| files.read(step.number, step.wanted));
         let loaded = loaded.map(|(loaded, notes)| {
-            told(Event::Read(step.number));
-            notes.into_iter().for_each(|note| told(Event::Note(note)));
+            notify(Event::Read(step.number));
+            notes.into_iter().for_each(|note| notify(Event::Note(note)));
             loaded
         });
         if to.send((step, loaded)).is_err() {
@@ -223,7 +223,7 @@ fn write_all<F: Files>(
     from: &Receiver<(i64, F::Done)>,
     stopped: &(dyn Fn() -> bool + Sync),
     end_early: &AtomicBool,
-    told: &(dyn Fn(Event) + Sync),
+    notify: &(dyn Fn(Event) + Sync),
 ) -> Written {
     let before = pool_seconds();
     let mut busy = Busy::default();
@@ -236,13 +236,13 @@ fn write_all<F: Files>(
         }
         match busy.during(|| files.write(number, done)) {
             Ok(notes) => {
-                notes.into_iter().for_each(|note| told(Event::Note(note)));
-                told(Event::Written(number));
+                notes.into_iter().for_each(|note| notify(Event::Note(note)));
+                notify(Event::Written(number));
                 fates.insert(number, Fate::Written);
             }
             Err(error) => {
                 let reason = error.to_string();
-                told(Event::Failed(number, reason.clone()));
+                notify(Event::Failed(number, reason.clone()));
                 fates.insert(number, Fate::Failed(reason.clone()));
                 if error.is_lasting() {
                     ended = Some(reason);
@@ -267,7 +267,7 @@ struct Middle<'t> {
     /// Why the filter can do no more.
     ended: Option<String>,
     options: RunOptions,
-    told: &'t (dyn Fn(Event) + Sync),
+    notify: &'t (dyn Fn(Event) + Sync),
 }
 
 impl Middle<'_> {
@@ -294,7 +294,7 @@ impl Middle<'_> {
             let cut = !step.fresh && self.options.find_cuts && window.is_cut(&loaded);
             if cut {
                 self.cuts.push(step.number);
-                (self.told)(Event::Cut(step.number));
+                (self.notify)(Event::Cut(step.number));
             }
             if step.fresh || cut {
                 self.finish(window, &to);
@@ -325,12 +325,12 @@ impl Middle<'_> {
         to: &dyn Fn(i64, D) -> bool,
         work: impl FnOnce(&mut dyn FnMut(i64, D) -> bool) -> Result<(), Error>,
     ) -> Result<(), Error> {
-        let Self { fates, spoiled, inside, told, busy, .. } = self;
+        let Self { fates, spoiled, inside, notify, busy, .. } = self;
         let mut waited = Duration::ZERO;
         let mut out = |number: i64, done: D| {
             inside.remove(&number);
             if let Some(reason) = spoiled.remove(&number) {
-                told(Event::Failed(number, reason.clone()));
+                notify(Event::Failed(number, reason.clone()));
                 fates.insert(number, Fate::Failed(reason));
                 return true;
             }
@@ -351,7 +351,7 @@ impl Middle<'_> {
             self.fail(step.number, reason.to_owned());
         } else if !self.options.whole_windows {
             let note = format!("{reason}; its neighbours are filtered without it");
-            (self.told)(Event::Note(note));
+            (self.notify)(Event::Note(note));
         }
         if self.options.whole_windows {
             let reach = i64::try_from(self.options.reach).unwrap_or(i64::MAX);
@@ -363,7 +363,7 @@ impl Middle<'_> {
     }
 
     fn fail(&mut self, number: i64, reason: String) {
-        (self.told)(Event::Failed(number, reason.clone()));
+        (self.notify)(Event::Failed(number, reason.clone()));
         self.fates.insert(number, Fate::Failed(reason));
     }
 

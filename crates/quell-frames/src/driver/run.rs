@@ -11,7 +11,7 @@ impl Job {
     ///
     /// # Errors
     /// As there.
-    pub fn run(&self, stop: &AtomicBool, told: &(dyn Fn(Event) + Sync)) -> Result<Outcome, Error> {
+    pub fn run(&self, stop: &AtomicBool, notify: &(dyn Fn(Event) + Sync)) -> Result<Outcome, Error> {
         let mut outcome = if self.memory()?.bands > 1 {
             let estimate = self.estimate();
             let limit = self.limit();
@@ -20,11 +20,11 @@ impl Job {
                 // It was said to take bands, and its frames lie in files already.
                 None => Ok(estimate.bands(limit, self.margin(moved)?)?.max(2)),
             };
-            super::bands::run(self, &bands, stop, told)?
+            super::bands::run(self, &bands, stop, notify)?
         } else {
             let mut window = Denoisers::new(self)?;
             let disk = Disk::new(self);
-            pipeline::run(self.plan(), &disk, &mut window, self.run_options(), stop, told)?
+            pipeline::run(self.plan(), &disk, &mut window, self.run_options(), stop, notify)?
         };
         outcome.times.elsewhere = self.options.accelerator.is_some();
         Ok(outcome)

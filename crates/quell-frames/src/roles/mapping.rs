@@ -56,7 +56,7 @@ pub struct Mapping {
     pub view: String,
     /// The renderer's names and conventions.
     pub renderer: Renderer,
-    /// How the renderer was told.
+    /// How the renderer was recognised.
     pub renderer_why: String,
     /// The passes with a role.
     pub passes: Vec<Mapped>,

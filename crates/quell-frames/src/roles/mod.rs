@@ -1,4 +1,4 @@
-//! What the passes of a file are, told from names: an alias table, the renderer first, the user's word before all.
+//! What the passes of a file are, by their names: an alias table, the renderer first, the user's word before all.
 
 mod aliases;
 mod mapping;

@@ -1,4 +1,4 @@
-//! Several files a frame: which pass each of them is, told from what their names do not share.
+//! Several files a frame: which pass each of them is, by what their names do not share.
 
 use super::names::Stem;
 use crate::error::Error;

@@ -74,11 +74,11 @@ impl<'a> Judge<'a> {
         Ok(Self { sequence, exposures, instruments, row })
     }
 
-    /// Measures what a method delivered. `told` hears the number of frames measured.
+    /// Measures what a method delivered. `notify` hears the number of frames measured.
     ///
     /// # Errors
     /// Pictures that cannot be read, or of another extent.
-    pub fn measure(&self, finished: &Finished, told: &dyn Fn(usize)) -> Result<Verdict, Error> {
+    pub fn measure(&self, finished: &Finished, notify: &dyn Fn(usize)) -> Result<Verdict, Error> {
         let sequence = self.sequence;
         let mut frames = Vec::new();
         let mut maps = BTreeMap::new();
@@ -92,7 +92,7 @@ impl<'a> Judge<'a> {
             frames.push(NumberedScores { frame: number, scores });
             maps.insert(number, map.map);
             read.insert(index, picture);
-            told(done + 1);
+            notify(done + 1);
         }
         let scorecard = match &self.instruments {
             Ok(instruments) => {

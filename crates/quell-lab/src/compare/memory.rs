@@ -138,7 +138,7 @@ mod tests {
     use super::*;
     use std::sync::atomic::{AtomicUsize, Ordering};
 
-    /// An allocator that is told what happens.
+    /// An allocator whose figures a test sets.
     #[derive(Default)]
     struct Told {
         now: AtomicUsize,

@@ -79,12 +79,12 @@ impl Finished {
 }
 
 impl Runner<'_> {
-    /// Runs a competitor over all frames, or finds what an earlier run left. `told` hears the number of frames done.
+    /// Runs a competitor over all frames, or finds what an earlier run left. `notify` hears the number of frames done.
     ///
     /// # Errors
     /// [`Error::Trace`] with [`TraceError::Cancelled`] after a stop; anything else is this method's own misfortune and
     /// need not keep others from running.
-    pub fn run(&self, sequence: &Sequence, what: &Competitor, told: &dyn Fn(usize)) -> Result<Finished, Error> {
+    pub fn run(&self, sequence: &Sequence, what: &Competitor, notify: &dyn Fn(usize)) -> Result<Finished, Error> {
         let folder = self.folder.join(METHODS).join(folder_name(what.name()));
         match what {
             Competitor::Frames { name, folder } => finished_frames(sequence, name, folder, None),
@@ -97,7 +97,7 @@ impl Runner<'_> {
                     return Ok(found);
                 }
                 let mut method = parse_on(name, self.backend)?;
-                self.measured(sequence, method.as_mut(), &folder, key, told)
+                self.measured(sequence, method.as_mut(), &folder, key, notify)
             }
             Competitor::Command { name, command } => {
                 let key = self.key(sequence, &format!("{name}={command}"));
@@ -144,7 +144,7 @@ impl Runner<'_> {
         method: &mut dyn Method,
         folder: &Path,
         key: String,
-        told: &dyn Fn(usize),
+        notify: &dyn Fn(usize),
     ) -> Result<Finished, Error> {
         let name = method.name();
         if method.needs_halves() && sequence.frame(0)?.halves.is_none() {
@@ -164,7 +164,7 @@ impl Runner<'_> {
                 let of = sequence.frame(sequence.index_of(number).unwrap_or_default())?;
                 clamped += write_picture(&path, &picture, &of.frame, (&name, sequence.tone.exposure))?;
                 files.push(path);
-                told(files.len());
+                notify(files.len());
             }
             Ok(())
         };

@@ -49,7 +49,7 @@ pub struct SequenceProgress {
 }
 
 impl SceneSource<'_> {
-    /// Renders what is not kept yet. `told` hears of progress, often.
+    /// Renders what is not kept yet. `notify` hears of progress, often.
     ///
     /// # Errors
     /// [`Error::Trace`] ([`TraceError::Cancelled`] after a stop; what was finished is kept), files that cannot be
@@ -57,7 +57,7 @@ impl SceneSource<'_> {
     pub fn load(
         &self,
         cancel: Option<&std::sync::atomic::AtomicBool>,
-        told: &(dyn Fn(&SequenceProgress) + Sync),
+        notify: &(dyn Fn(&SequenceProgress) + Sync),
     ) -> Result<Sequence, Error> {
         if self.frames.is_empty() {
             return Err(Error::Empty { what: "a sequence needs at least one frame".to_owned() });
@@ -98,7 +98,7 @@ impl SceneSource<'_> {
             let tell = |share: f32| {
                 let share = (before + share * work.noisy) / work.total;
                 let note = format!("noisy frame {number} ({} of {})", index + 1, self.frames.len());
-                told(&SequenceProgress { share, note });
+                notify(&SequenceProgress { share, note });
             };
             tell(0.0);
             let control = Control { cancel, progress: Some(&tell) };
@@ -129,7 +129,7 @@ impl SceneSource<'_> {
                     2 * p.samples.min(p.of),
                     p.of
                 );
-                told(&SequenceProgress { share, note });
+                notify(&SequenceProgress { share, note });
             })?;
             sequence.references.insert(number, reference_of(pair)?);
         }

@@ -11,7 +11,7 @@ use std::path::PathBuf;
 
 /// The first frames of a sequence are its start, not its steady state: a fixed blend of 0.9 needs some thirty.
 pub const START_FRAMES: usize = 16;
-/// Frames that are scored unless told otherwise.
+/// Frames that are scored by default.
 pub const SCORED_FRAMES: usize = 16;
 /// Ghosting compares with the references of so many frames before (evaluation.md, section 3, h_t).
 pub const FRAMES_BEFORE: usize = 8;

@@ -49,7 +49,7 @@ pub struct Ablation {
     pub apply: fn(Settings) -> Settings,
 }
 
-/// quell, on the fast back end of the CPU unless told otherwise.
+/// quell, by default on the fast back end of the CPU.
 pub struct Quell {
     variant: String,
     settings: Settings,

@@ -18,7 +18,7 @@ const FIREFLY_PERCENTILE: f64 = 0.999;
 pub struct RelMse {
     /// Mean over pixels and components.
     pub mean: f64,
-    /// Likewise without the worst 0.1 % of pixels.
+    /// The same without the worst 0.1 % of pixels.
     pub trimmed: f64,
     /// Pixels whose luminance is off by more than 10 times the 99.9th percentile of the reference's luminance.
     pub fireflies: usize,

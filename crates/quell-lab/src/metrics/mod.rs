@@ -44,7 +44,7 @@ pub struct FrameScores {
     /// NaN (null in JSON) where an older report does not tell.
     #[serde(default = "unknown", with = "unknown_as_null")]
     pub ssim: f64,
-    /// Mean FLIP of the tone-mapped picture, 0..1; lower is better. NaN likewise.
+    /// Mean FLIP of the tone-mapped picture, 0..1; lower is better. NaN where it was not measured.
     #[serde(default = "unknown", with = "unknown_as_null")]
     pub ldr_flip: f64,
     /// Mean HDR-FLIP, 0..1; lower is better.

@@ -54,7 +54,7 @@ pub struct Panel {
     pub name: String,
     /// A picture for each of the page's frames; `None` where there is none.
     pub pictures: Vec<Option<Picture>>,
-    /// HDR-FLIP maps likewise; empty for the reference.
+    /// HDR-FLIP maps, as many; empty for the reference.
     pub maps: Vec<Option<Plane<f32>>>,
     /// For each of the page's slice rows a picture of the sequence's width, one row a frame, time running down.
     pub slices: Vec<Picture>,

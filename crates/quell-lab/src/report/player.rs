@@ -48,7 +48,7 @@ pub struct PlayerSequence {
     pub description: String,
     /// A picture for each frame number; `None` where there is none.
     pub pictures: Vec<Option<Picture>>,
-    /// Error maps against the reference, 0 (equal) to 1, likewise; may be empty.
+    /// Error maps against the reference, 0 (equal) to 1, as many; may be empty.
     pub error_maps: Vec<Option<Plane<f32>>>,
 }
 

@@ -36,7 +36,7 @@ pub struct Row {
     pub method: String,
     /// HDR-FLIP, mean over the scored frames.
     pub hdr_flip: Option<f64>,
-    /// Trimmed relMSE, likewise.
+    /// Trimmed relMSE of the same frames.
     pub rel_mse_trimmed: Option<f64>,
     /// Sum of the picture over sum of the reference.
     pub energy: Option<f64>,
@@ -70,7 +70,7 @@ pub fn ablations(shop: &Workshop<'_>, scenes: &[Scene], view: &View, frames: &[i
         table.head.extend(Scores::NAMES.map(|n| n.replace('_', " ")));
         let names = ABLATIONS.iter().map(|a| (a.title, format!("{FULL}+{}", a.name)));
         for (title, method) in names.chain([("Full", FULL.to_owned())]) {
-            (shop.told)(&format!("{}: {method}", scene.name));
+            (shop.notify)(&format!("{}: {method}", scene.name));
             let competitor = Competitor::Method { name: method.clone() };
             let finished = shop.runner(&folder).run(&sequence, &competitor, &|_| ())?;
             let verdict = match &judge {

@@ -40,7 +40,7 @@ pub struct Workshop<'a> {
     /// Work ends soon after this turns true.
     pub cancel: Option<&'a AtomicBool>,
     /// Hears what is being done.
-    pub told: &'a (dyn Fn(&str) + Sync),
+    pub notify: &'a (dyn Fn(&str) + Sync),
 }
 
 /// How a scene is looked at.
@@ -87,7 +87,7 @@ impl Workshop<'_> {
             folder: Some(folder),
         };
         let name = &scene.name;
-        source.load(self.cancel, &|p| (self.told)(&format!("{name}: {} ({:.0} %)", p.note, 100.0 * p.share)))
+        source.load(self.cancel, &|p| (self.notify)(&format!("{name}: {} ({:.0} %)", p.note, 100.0 * p.share)))
     }
 
     fn runner<'b>(&'b self, folder: &'b Path) -> Runner<'b> {
@@ -95,7 +95,7 @@ impl Workshop<'_> {
     }
 }
 
-/// A stop is passed on; anything else is one method's misfortune, and told.
+/// A stop is passed on; anything else fails one method alone, and is reported.
 fn stopped(error: Error) -> Result<String, Error> {
     if matches!(error, Error::Trace(quell_trace::TraceError::Cancelled)) { Err(error) } else { Ok(error.to_string()) }
 }

@@ -63,7 +63,7 @@ pub fn offline(shop: &Workshop<'_>, scenes: &[Scene], view: &View, frame: i64) -
         let judge = if view.reference_samples == 0 { None } else { Some(Judge::new(&sequence)?) };
         let mut of_scene = Vec::new();
         for method in ["none"].into_iter().chain(METHODS) {
-            (shop.told)(&format!("{}: {method}", scene.name));
+            (shop.notify)(&format!("{}: {method}", scene.name));
             let mut row = Row {
                 scene: scene.name.clone(),
                 method: method.to_owned(),

@@ -58,7 +58,7 @@ pub fn paths(shop: &Workshop<'_>, scenes: &[Scene], view: &View, frames: &[i64])
         let tracer = Tracer::new(scene, last, view.camera).map_err(quell_trace::TraceError::from)?;
         let mut pictures = Vec::new();
         for paths in PATHS {
-            (shop.told)(&format!("{}: {paths} paths", scene.name));
+            (shop.notify)(&format!("{}: {paths} paths", scene.name));
             let samples = (paths / 2).max(1);
             let options = RenderOptions { samples, seed: view.seed, ..RenderOptions::new(view.size) };
             let control = Control { cancel: shop.cancel, progress: None };

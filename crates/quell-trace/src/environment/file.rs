@@ -70,7 +70,7 @@ pub struct EnvironmentFile {
     pub repaired: usize,
 }
 
-/// Reads a latitude-longitude map, told by the end of its name.
+/// Reads a latitude-longitude map, recognised by the end of its name.
 ///
 /// # Errors
 /// [`EnvironmentFileError`]: the file and what is wrong with it. The extent is checked before anything of its size is

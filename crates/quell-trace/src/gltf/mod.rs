@@ -101,7 +101,7 @@ pub enum Stage {
     Meshes,
 }
 
-/// Is told from any thread, while a file is loaded, what is being read and how much of it is done, of how much.
+/// Called from any thread while a file is loaded: what is being read and how much of it is done, of how much.
 pub type Watcher<'a> = &'a (dyn Fn(Stage, usize, usize) + Sync);
 
 /// Counts what is done of one stage.
@@ -144,7 +144,7 @@ pub fn load(path: &Path, options: &Options) -> Result<Loaded, GltfError> {
     load_watched(path, options, &|_, _, _| {})
 }
 
-/// [`load`], and the caller is told how far it has come.
+/// [`load`], with progress for the caller.
 ///
 /// # Errors
 /// As [`load`].

@@ -329,7 +329,7 @@ impl Cpu {
         self.buffers.insert(name, prefiltered);
     }
 
-    /// Shows and lays to rest the images that no later step filters.
+    /// Shows the images that no later step filters, and frees their buffers.
     fn retire(&mut self, plan: &Plan, later: &[Step]) {
         let outputs = [plan.matte_output, plan.glossy_output, plan.direct_output];
         let feedback = [plan.matte_feedback, plan.glossy_feedback];

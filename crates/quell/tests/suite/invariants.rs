@@ -70,7 +70,7 @@ fn without_order_statistics_all_light_is_kept() {
 #[test]
 fn the_energy_test_sees_order_statistics_in_the_loop() {
     // Canary: what the defaults avoid. A median in the loop converges to the median of the noise, which is 0 here; the
-    // box of raw noise likewise.
+    // box of raw noise, too.
     let mut settings = Settings::default();
     settings.pipeline.feedback = Feedback::Firefly;
     settings.glossy_temporal.clip = Clip::Box;

@@ -30,7 +30,7 @@ use serde_json::{Map, Value};
 use source::Source;
 use std::path::Path;
 
-/// What is compared unless told otherwise, as far as this version has it and it runs on the frames.
+/// What is compared by default, as far as this version has it and it runs on the frames.
 const USUAL: [&str; 7] = ["none", "temporal", "quell:paper", "atrous", "svgf", "nlm", "oidn:high"];
 
 pub fn run(context: &Context, args: CompareArgs) -> Result<(), Failure> {

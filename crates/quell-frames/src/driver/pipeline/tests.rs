@@ -125,9 +125,9 @@ impl Case {
     fn run(&mut self, wanted: &[i64]) -> (Outcome, Vec<Event>) {
         let plan = Plan::new(&self.available, wanted, 2, &self.cuts);
         let events = Mutex::new(Vec::new());
-        let told = |event| events.lock().unwrap().push(event);
+        let notify = |event| events.lock().unwrap().push(event);
         let stop = AtomicBool::new(false);
-        let outcome = run(&plan, &self.files, &mut self.window, self.options, &stop, &told).unwrap();
+        let outcome = run(&plan, &self.files, &mut self.window, self.options, &stop, &notify).unwrap();
         (outcome, events.into_inner().unwrap())
     }
 
@@ -220,13 +220,13 @@ fn asked_to_stop_it_ends_with_whole_frames() {
     let all: Vec<i64> = (1..=500).collect();
     let plan = Plan::new(&all, &all, 2, &[]);
     let stop = AtomicBool::new(false);
-    let told = |event| {
+    let notify = |event| {
         if event == Event::Written(20) {
             stop.store(true, Ordering::SeqCst);
         }
     };
     let mut window = Lists { reach: 2, ..Lists::default() };
-    let outcome = run(&plan, &case.files, &mut window, case.options, &stop, &told).unwrap();
+    let outcome = run(&plan, &case.files, &mut window, case.options, &stop, &notify).unwrap();
     assert_eq!(outcome.ended.as_deref(), Some(""));
     let written = outcome.written();
     assert!((20..30).contains(&written), "{written}");
