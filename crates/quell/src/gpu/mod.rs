@@ -12,6 +12,20 @@
 //! Single passes, for bisecting and tests: [`Pass`], [`Kernel`], with [`FrameUniforms`], [`SettingsUniforms`], [`PrepareUniforms`]. The sequence
 //! filter's frames on the device: [`SequenceWindow`].
 //!
+//! ```text
+//! program.rs, builder.rs, slot.rs   what a frame does, as data; made from the plan; names of its resources
+//! pass.rs, passes.rs, passes/       a pass: its bindings and its pieces of WGSL; the real-time filter's, with entry points
+//! kernel.rs, kernels.rs             a pass compiled, checked and encoded; each once
+//! denoiser.rs, planes.rs, share.rs  walks the program; its textures, of which those never needed at once are one (transient aliasing)
+//! taps.rs, small.rs, groups.rs      per-frame uniforms and tables of taps; bind groups that are kept
+//! uniform.rs, uniforms.rs, constants.rs   structs by WGSL's layout rules; cameras and settings; constants from Rust
+//! storage.rs, guides.rs, pack.rs    what a texel holds: half precision, packed feature buffers; frames of the CPU as texels
+//! frame.rs, inputs.rs, convention.rs, options.rs, error.rs   what goes in and comes out, all checked before anything is encoded
+//! repairs.rs, timing.rs, debug.rs   what was repaired, times by timestamps, debug views
+//! tile.rs                           pictures larger than a device's textures
+//! sequence/                         the sequence filter: the window of frames on the device, its passes and schedule
+//! ```
+//!
 //! ```no_run
 //! # use quell::gpu::{self, wgpu};
 //! # fn frame(

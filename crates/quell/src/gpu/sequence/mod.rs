@@ -1,4 +1,4 @@
-//! The sequence filter on the GPU: feature noise and stages 1 to 3, with the frames of a window kept on the device.
+//! The sequence filter on the GPU: feature noise, gather, variance and wavelet, with the frames of a window kept on the device.
 //!
 //! ```text
 //! passes.rs     what each pass binds

@@ -1,4 +1,4 @@
-//! Stage 3 of the sequence filter, a light at a time.
+//! The wavelet of the sequence filter, a light at a time.
 //!
 //! Planes are storage buffers of four 32-bit floats a pixel, as [`crate::sequence::WaveletJob`] gives and takes them:
 //! seven bindings, the largest 16 bytes a pixel, so that bands of rows are needed only beyond 8 million pixels on
