@@ -30,7 +30,7 @@ impl Failure {
         }
     }
 
-    /// Tells the user on standard error.
+    /// Writes it to standard error.
     pub fn tell(&self) {
         match self {
             Self::Usage(message) => eprintln!("error: {message}\n\nFor more information, try '--help'."),

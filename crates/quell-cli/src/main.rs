@@ -7,7 +7,7 @@
 //! failure.rs    how a run ends badly, and with which exit status
 //! allocator.rs  memory that was freed goes back to the system, where a limit was set
 //! interrupt.rs  Ctrl-C and SIGTERM
-//! progress.rs   bars on a terminal, plain lines elsewhere
+//! progress.rs   bars on a terminal, plain lines without one
 //! output.rs     folders that can be written, addresses of pages, standard output
 //! scene.rs      scenes by name or from files, and their cameras
 //! sequence/     a scene traced, denoised, scored and shown, frame by frame: what `demo` and `render` share

@@ -1,4 +1,4 @@
-//! Progress on standard error: a bar with the time left on a terminal, plain lines `[ 45%] frame 12 of 27` elsewhere.
+//! Progress on standard error: a bar with the time left on a terminal, plain lines `[ 45%] frame 12 of 27` without one.
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use std::collections::VecDeque;
@@ -200,7 +200,7 @@ impl Drop for Work {
     }
 }
 
-/// In words; `None` where the past is too short to tell.
+/// In words; `None` where the past is too short to know.
 fn time_left(past: Duration, before: f32, now: f32) -> Option<String> {
     let done = now - before;
     if past < Duration::from_secs(2) || done <= 0.0 {

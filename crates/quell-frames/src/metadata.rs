@@ -35,7 +35,7 @@ pub struct Metadata {
     pub version: String,
     /// Scene, clip and camera, as the user named them.
     pub scene: String,
-    /// Hash of scene, tracer and options, in hexadecimal: tells whether a stored reference still fits.
+    /// Hash of scene, tracer and options, in hexadecimal: shows whether a stored reference still fits.
     pub scene_hash: String,
     /// How the light was sampled: estimator, samples a pixel, bounces, seed.
     pub sampling: String,

@@ -2,7 +2,7 @@
 //! `cargo run --release -p quell-lab --example 03_methods -- [OPTION=VALUE]... METHOD...`
 //!
 //! Options: `scene=glossy-room`, `camera=1`, `from=0`, `frames=20`, `size=240x135`, `spp=1`, `reference=64` (samples of
-//! each half; 0: none), `out=quell-methods`. Tells each method's relMSE and the median of its times a frame.
+//! each half; 0: none), `out=quell-methods`. Prints each method's relMSE and the median of its times a frame.
 
 use quell::Size;
 use quell_lab::cache::Cache;

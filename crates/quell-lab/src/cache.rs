@@ -28,7 +28,7 @@ pub struct ReferenceKey {
     pub camera: usize,
     /// Frame number.
     pub frame: i64,
-    /// `a`, `b`, or another word that tells estimates of the same frame apart. Letters, digits and `-` only count.
+    /// `a`, `b`, or another word that separates estimates of the same frame. Letters, digits and `-` only count.
     pub part: String,
 }
 

@@ -20,7 +20,7 @@ pub const TRACER_VERSION: u32 = 4;
 /// Largest extent of an image.
 pub const SIZE_LIMIT: usize = 32768;
 
-/// Tells the seed of a frame's half B from that of its half A.
+/// Makes the seed of a frame's half B differ from that of its half A.
 const SECOND_HALF_SEED: u64 = 0x9e37_79b9_7f4a_7c15;
 
 /// Rows that are traced before the cancel flag is looked at and progress is reported.
@@ -98,7 +98,7 @@ impl RenderOptions {
 pub struct Control<'a> {
     /// Rendering stops soon after this turns true.
     pub cancel: Option<&'a AtomicBool>,
-    /// Told the share done, 0..1, from time to time.
+    /// Called with the share done, 0..1, from time to time.
     pub progress: Option<&'a (dyn Fn(f32) + Sync)>,
 }
 

@@ -45,7 +45,7 @@ pub fn run(context: &Context, settings: SequenceSettings, args: DenoiseArgs) -> 
         return context.finish(&report(context, &job, None, &[]), further(&job, None), "");
     }
     output::check_folder(job.folder())?;
-    // Bands are there because memory is short. Elsewhere freed planes are better kept: the same size is wanted again soon.
+    // Bands are there because memory is short. In a job that fits freed planes are better kept: the same size is wanted again soon.
     if job.memory()?.bands > 1 {
         allocator::give_back_at_once();
     }
@@ -220,7 +220,7 @@ fn report(context: &Context, job: &Job, outcome: Option<&Outcome>, warnings: &[S
     report
 }
 
-/// The most memory that the process has held so far, where the system tells it.
+/// The most memory that the process has held so far, where the system reports it.
 fn peak() -> Option<u64> {
     let status = std::fs::read_to_string("/proc/self/status").ok()?;
     let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;

@@ -124,7 +124,7 @@ fn render_gives_the_pictures_of_the_cpu() {
     }
 }
 
-/// How far colours of `denoise` may lie from the CPU's: stage 3 alone runs elsewhere, and decides nothing at thresholds; the
+/// How far colours of `denoise` may lie from the CPU's: the wavelet alone runs on the device, and decides nothing at thresholds; the
 /// files hold half floats, one step of which is 1e-3 of the value at the most.
 const SEQUENCE: f64 = 1.1e-3;
 

@@ -55,7 +55,7 @@ impl Adapter {
         for (light, plane) in frame.lights.iter().zip(lights).filter(|(light, _)| light.in_beauty) {
             let pass = self.mapping.passes.iter().find(|p| p.role.light().is_some() && p.name == light.name);
             match pass.filter(|_| self.rule.factored && light.name != REST).filter(written) {
-                // The rest, a beauty from which nothing could be told apart, or a pass that stays as it came.
+                // The rest, a beauty that could not be divided into lights, or a pass that stays as it came.
                 None => add(&mut beauty, plane, light.weight.as_deref()),
                 Some(pass) if self.rule.colour_inside => {
                     let mut stored = product(plane, light);

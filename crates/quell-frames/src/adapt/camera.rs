@@ -146,7 +146,7 @@ impl PixelCamera {
         camera.residual_px.is_finite().then_some(camera)
     }
 
-    /// The same camera for pixels counted from elsewhere.
+    /// The same camera for pixels counted from another corner.
     #[must_use]
     pub fn shifted(self, x: f64, y: f64) -> Self {
         let [u, v, w] = self.rows;

@@ -45,7 +45,7 @@ impl Footprint {
 }
 
 impl Adapter {
-    /// What a frame takes; the headers of one tell how channels are stored.
+    /// What a frame takes; the headers of one say how channels are stored.
     pub fn footprint(&self, images: &[ExrImage]) -> Footprint {
         let (lights, weights) = super::lights::count(&self.mapping, &self.rule);
         let bytes = |id: &crate::roles::ChannelId| {

@@ -18,7 +18,7 @@ const FAR_HALF: f32 = 65504.0;
 /// Cameras from matrices that miss positions by more than this many pixels in the median are of something else.
 const CAMERA_FITS_PX: f64 = 1.0;
 
-/// What the first frame tells of how guides are stored.
+/// What the first frame shows of how guides are stored.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct Encodings {
     /// Normals lie in 0..1 instead of -1..1.
@@ -44,7 +44,7 @@ impl Encodings {
     }
 }
 
-/// Fills the guides of a frame; returns its camera where the file tells one.
+/// Fills the guides of a frame; returns its camera where the file has one.
 pub(super) fn fill(
     adapter: &Adapter,
     frame: &mut SequenceFrame,
@@ -89,7 +89,7 @@ pub(super) fn fill(
     if frame.depth.is_none()
         && let Some(position) = &position
     {
-        // Camera space tells depth directly; world space through the camera.
+        // Camera space gives depth directly; world space through the camera.
         let depth_of = |p: [f32; 3]| match renderer.position {
             Space::World => camera.as_ref().map_or(f32::NAN, |c| c.depth(p)),
             Space::Camera => -p[2],
@@ -156,8 +156,8 @@ fn depth(mapping: &Mapping, canvas: Window, images: &[ExrImage]) -> Result<Optio
     Ok(Some(plane))
 }
 
-/// What kind of depth a file holds, measured where world positions tell a camera: the kind that explains the depths,
-/// at least twice as well as the next; `None` where nothing tells.
+/// What kind of depth a file holds, measured where world positions give a camera: the kind that explains the depths,
+/// at least twice as well as the next; `None` where nothing decides.
 pub(crate) fn depth_kind(mapping: &Mapping, canvas: Window, images: &[ExrImage]) -> Result<Option<DepthKind>, Error> {
     let (Some(position), Some(depth)) = (mapping.get(Role::Position), mapping.get(Role::Depth)) else {
         return Ok(None);

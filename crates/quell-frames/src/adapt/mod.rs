@@ -36,7 +36,7 @@ pub enum MotionChoice {
     Auto,
     /// A preset by name ([`MotionConvention::PRESETS`]).
     Preset(String),
-    /// No vectors: motion comes from cameras where positions tell them, else there is none.
+    /// No vectors: motion comes from cameras where positions give them, else there is none.
     None,
 }
 
@@ -80,7 +80,7 @@ pub struct Adapted {
     pub frame: SequenceFrame,
     /// Sentences for the user; most come once.
     pub notes: Vec<String>,
-    /// The camera, where the file tells it.
+    /// The camera, where the file has it.
     pub camera: Option<PixelCamera>,
 }
 

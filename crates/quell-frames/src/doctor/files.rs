@@ -1,4 +1,4 @@
-//! What file names and headers tell: frames that are missing, unreadable, of another size or layout, or twice there.
+//! What file names and headers show: frames that are missing, unreadable, of another size or layout, or twice there.
 
 use super::finding::{Diagnosis, Figure, Finding, Severity};
 use crate::driver::ranges;

@@ -220,7 +220,7 @@ impl Guides {
             DepthKind::Ray => "the distance along the ray",
             DepthKind::Inverse => "1 / distance",
         };
-        // Positions tell: the adapter has measured it.
+        // Positions decide: the adapter has measured it.
         let measured = adapter.mapping().renderer.depth;
         let from_positions = adapter.has_positions();
         let kind = if from_positions { Some(measured) } else { self.bent() };

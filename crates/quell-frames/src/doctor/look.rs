@@ -11,7 +11,7 @@ use crate::sequence::FrameSources;
 use quell::sequence::SequenceFrame;
 use quell::{Plane, Rgb};
 
-/// Frames in a row from the first: four pairs tell whether an animation is on twos.
+/// Frames in a row from the first: four pairs show whether an animation is on twos.
 const ROW: usize = 5;
 /// Further pairs spread over the rest.
 const PAIRS: usize = 3;

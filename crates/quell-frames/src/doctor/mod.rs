@@ -264,7 +264,7 @@ impl Layer<'_> {
             }
         }
         pairs.sort_unstable();
-        // Every other frame: that is an animation on twos, said elsewhere.
+        // Every other frame: that is an animation on twos, which another check says.
         let run =
             pairs.len() >= 2 && pairs.windows(2).all(|w| w[1].0 - w[0].0 >= 2) && pairs.len() * 4 >= self.numbers.len();
         if !run || !motion.has_turns() {

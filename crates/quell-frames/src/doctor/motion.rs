@@ -37,7 +37,7 @@ const OFFSET_PX: f64 = 0.15;
 /// Where no preset has the right reading.
 const AUTO: &str = "`quell denoise --motion auto` finds this reading; or set the renderer's motion pass right";
 
-/// What one pair of neighbouring frames tells.
+/// What one pair of neighbouring frames shows.
 #[derive(Debug)]
 struct Pair {
     later: i64,
@@ -52,7 +52,7 @@ struct Pair {
     same_picture: bool,
 }
 
-/// Everything that pairs tell of motion.
+/// Everything that pairs show of motion.
 #[derive(Debug, Default)]
 pub(super) struct Motion {
     pairs: Vec<Pair>,

@@ -1,4 +1,4 @@
-//! What the noise tells: one seed for all frames, a filter that splats, a picture that was denoised before.
+//! What the noise shows: one seed for all frames, a filter that splats, a picture that was denoised before.
 
 use super::finding::{Diagnosis, Figure, Finding, Severity};
 use super::look::Look;
@@ -23,7 +23,7 @@ pub(super) struct Noise {
     seeds: Vec<(i64, f64)>,
     /// Frame, ratio of second differences, deviation of far ones.
     grain: Vec<(i64, f64, f64)>,
-    /// No guide tells what is texture.
+    /// No feature buffer says what is texture.
     blind: bool,
 }
 
@@ -169,7 +169,7 @@ impl Noise {
 }
 
 /// Medians of second differences of light at two distances on smooth surfaces: their ratio, and the deviation that the far
-/// ones tell. Along rows and columns alike.
+/// ones show. Along rows and columns alike.
 fn grain(look: &Look) -> Option<(f64, f64)> {
     let Size { width, height } = look.frame.size;
     let frame = &look.frame;

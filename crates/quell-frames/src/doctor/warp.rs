@@ -21,7 +21,7 @@ const CERTAIN_PX: f64 = 0.03;
 const EXPLAINED: f64 = 0.5;
 /// The same of normals and colours, whose own noise stays.
 const EXPLAINED_NOISY: f64 = 0.9;
-/// Least change of normal or colour over a pixel that tells a displacement.
+/// Least change of normal or colour over a pixel that shows a displacement.
 const LEAST_SLOPE: f32 = 0.01;
 
 /// What vectors miss: surfaces lie at `scale` times the vector, plus `offset`.
@@ -93,7 +93,7 @@ impl<'a> Warp<'a> {
     /// Fits what vectors (previous = current + motion, pixels) miss. `None` where too few pixels can be compared.
     pub fn residual(&self, motion: &Plane<[f32; 2]>) -> Option<Residual> {
         let both = self.fit(motion, [true, true, true])?;
-        // A pan tells no factor from an offset: the simpler of the two that explains as much.
+        // A pan cannot separate a factor from an offset: the simpler of the two that explains as much.
         let scale = self.fit(motion, [false, false, true]);
         let offset = self.fit(motion, [true, true, false]);
         let good = |fit: &Fit| fit.spread <= both.spread * 1.05 + 1e-3;
@@ -281,7 +281,7 @@ struct Fit {
 fn inverse(m: [[f64; 3]; 3]) -> Option<[[f64; 3]; 3]> {
     let matrix = glam::DMat3::from_cols_array_2d(&m);
     let size = m.iter().flatten().fold(0.0f64, |a, v| a.max(v.abs()));
-    // What cannot be told apart is left as it is: a little damping, far below what any equation says.
+    // What cannot be separated is left as it is: a little damping, far below what any equation says.
     let damped = matrix + glam::DMat3::IDENTITY * (size * 1e-9);
     let inverse = damped.inverse();
     inverse.is_finite().then(|| inverse.to_cols_array_2d())

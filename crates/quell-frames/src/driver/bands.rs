@@ -302,7 +302,7 @@ fn since(before: Option<f64>) -> Option<f64> {
     before.zip(pool_seconds()).map(|(before, after)| after - before)
 }
 
-/// The first part begins with none; where the system does not tell, nothing is added.
+/// The first part begins with none; where the system does not report it, nothing is added.
 fn add(sum: &mut Option<f64>, spent: Option<f64>) {
     *sum = spent.map(|spent| sum.unwrap_or(0.0) + spent).or(*sum);
 }

@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 /// What one of the three steps cost so far.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct StageTime {
-    /// Processor seconds of all threads that worked on it; absent where the system does not tell them.
+    /// Processor seconds of all threads that worked on it; absent where the system does not report them.
     pub cpu: Option<f64>,
     /// Seconds by the clock in which it had work (not those of waiting).
     pub busy: f64,
@@ -28,7 +28,7 @@ pub struct Times {
 
 impl Times {
     /// The least that `cores` cores could take if all three overlapped wholly and spread over all cores: their processor
-    /// seconds together over the cores. `None`: the system does not tell them, or they are not all of the work.
+    /// seconds together over the cores. `None`: the system does not report them, or they are not all of the work.
     pub fn bound(&self, cores: usize) -> Option<f64> {
         if self.elsewhere {
             return None;

@@ -135,7 +135,7 @@ mod tests {
         let before = CutGuides::of(&frame(1, 1));
         assert!(!before.cut_before(&frame(1, 2)));
         assert!(before.cut_before(&frame(2, 2)));
-        // Wrong vectors look like a cut here: warned of elsewhere, and history would be wrong anyway.
+        // Wrong vectors look like a cut here: `quell doctor` warns of it, and history would be wrong anyway.
         let mut wrong = frame(1, 2);
         wrong.motion_to_previous = Some(Plane::filled(wrong.size, [-17.0, 5.0]));
         assert!(before.cut_before(&wrong));

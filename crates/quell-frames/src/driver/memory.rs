@@ -22,7 +22,7 @@ pub struct Memory {
     pub bytes: u64,
     /// Bands of rows; 1: the whole picture at once.
     pub bands: usize,
-    /// What it must not exceed, and whether the user said so; absent: the system tells nothing.
+    /// What it must not exceed, and whether the user said so; absent: the system reports nothing.
     pub limit: Option<(u64, bool)>,
 }
 
@@ -95,7 +95,7 @@ impl Estimate {
     }
 }
 
-/// Bytes that the system would give without taking them from others; `None` where it does not tell.
+/// Bytes that the system would give without taking them from others; `None` where it does not report them.
 pub(super) fn system() -> Option<u64> {
     let number = |path: &str| std::fs::read_to_string(path).ok()?.trim().parse::<u64>().ok();
     let info = std::fs::read_to_string("/proc/meminfo").ok();

@@ -3,7 +3,7 @@
 //! ```text
 //! plan.rs      which frames are read, in which order, where history starts afresh
 //! pipeline.rs  reading, filtering and writing at the same time; what becomes of each frame
-//! cuts.rs      shots told apart by their guides
+//! cuts.rs      shots separated by their feature buffers
 //! job.rs       what the user asked for, made ready
 //! run.rs       a job that is ready, run
 //! frames.rs    a frame on its way through the three steps

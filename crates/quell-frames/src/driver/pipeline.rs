@@ -8,7 +8,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::time::{Duration, Instant};
 
-/// Frames that wait between two steps, besides the one that each step holds: none, frames are large.
+/// Frames that wait between two steps, without the one that each step holds: none, frames are large.
 const QUEUE: usize = 0;
 
 /// How frames come and go. Called from two threads at once.

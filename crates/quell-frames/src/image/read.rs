@@ -20,7 +20,7 @@ use std::time::SystemTime;
 /// Blocks that are decoded at once: enough for many threads, little memory.
 const BLOCKS_AT_ONCE: usize = 64;
 
-/// What tells that a file is still the one that was read.
+/// What shows that a file is still the one that was read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Stamp {
     bytes: u64,
@@ -56,7 +56,7 @@ pub fn read_channels(path: &Path, wanted: impl Fn(&Part, &Channel) -> bool) -> R
     Ok(image)
 }
 
-/// [`read_image`] from bytes that lie elsewhere; `label` stands for the file in messages.
+/// [`read_image`] from bytes in memory; `label` stands for the file in messages.
 ///
 /// # Errors
 /// As [`read_headers`].

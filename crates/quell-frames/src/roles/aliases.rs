@@ -41,10 +41,10 @@ pub enum DepthKind {
 pub struct Renderer {
     /// Its name.
     pub name: String,
-    /// Texts in header attributes that tell it.
+    /// Texts in header attributes that identify it.
     #[serde(default)]
     pub attributes: Vec<String>,
-    /// Pass names that tell it.
+    /// Pass names that identify it.
     #[serde(default)]
     pub marks: Vec<String>,
     /// Is the surface's colour in the light passes?
@@ -172,7 +172,7 @@ impl Aliases {
                 .marks
                 .iter()
                 .filter(|mark| {
-                    // Marks are few and short: case tells `Ns` of pbrt from `ns` of anybody.
+                    // Marks are few and short: case separates `Ns` of pbrt from `ns` of anybody.
                     let words: Vec<&str> = mark.split('.').collect();
                     passes.iter().any(|path| path.len() >= words.len() && path[path.len() - words.len()..] == words[..])
                 })
@@ -182,7 +182,7 @@ impl Aliases {
         let mut best: (&str, Vec<String>) = ("any", Vec::new());
         for renderer in &self.renderers {
             let found = marks(renderer);
-            // One name alone is not enough to tell a renderer.
+            // One name alone is not enough to identify a renderer.
             if found.len() > best.1.len().max(1) {
                 best = (&renderer.name, found);
             }

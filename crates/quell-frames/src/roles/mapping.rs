@@ -131,7 +131,7 @@ pub fn map_roles(files: &[(String, &ExrImage)], options: &MapOptions) -> Result<
             texts.push(name);
         }
     }
-    // Of files per pass the file's name tells.
+    // Of files per pass the file's name decides.
     let name = |p: &Pass| if p.path.is_empty() { p.outer.clone() } else { p.path.clone() };
     let paths: Vec<Vec<String>> = passes.iter().map(name).collect();
     let (renderer, renderer_why) = aliases.detect(&texts, &paths);

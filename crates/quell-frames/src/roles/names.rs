@@ -4,7 +4,7 @@ use super::mapping::ChannelId;
 use crate::image::ExrImage;
 use std::collections::{BTreeMap, BTreeSet};
 
-/// A pass as names tell it, before it has a role.
+/// A pass as names describe it, before it has a role.
 #[derive(Debug)]
 pub(super) struct Pass {
     /// Words of the channel's own path, layer first, without view and component.

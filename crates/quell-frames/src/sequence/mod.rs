@@ -14,7 +14,7 @@ use std::path::{Path, PathBuf};
 pub struct FrameSource {
     /// The file.
     pub path: PathBuf,
-    /// The pass that its name tells (`albedo` of `shot.albedo.1001.exr`); empty where frames have one file.
+    /// The pass that its name says (`albedo` of `shot.albedo.1001.exr`); empty where frames have one file.
     pub pass: String,
 }
 
@@ -46,7 +46,7 @@ impl FrameSources {
         self.files.iter().enumerate().map(read).collect()
     }
 
-    /// Images with the pass that their file's name tells, as [`crate::map_roles`] takes them.
+    /// Images with the pass that their file's name says, as [`crate::map_roles`] takes them.
     pub fn named<'i>(&self, images: &'i [ExrImage]) -> Vec<(String, &'i ExrImage)> {
         self.files.iter().map(|file| file.pass.clone()).zip(images).collect()
     }
@@ -77,7 +77,7 @@ impl Sequence {
 ///
 /// # Errors
 /// [`Error::Invalid`] where an input means no file, where two files are the same frame, or where there are several
-/// sequences whose names tell no passes; [`Error::Io`] where a folder cannot be listed.
+/// sequences whose names say no passes; [`Error::Io`] where a folder cannot be listed.
 pub fn find_sequence(inputs: &[PathBuf]) -> Result<Sequence, Error> {
     let mut files: Vec<PathBuf> = Vec::new();
     for input in inputs {

@@ -7,7 +7,7 @@ use crate::roles::Aliases;
 /// Signs between the words of a name. The zero stands for the frame number.
 const SEPARATORS: [char; 5] = ['.', '_', '-', '/', '\0'];
 
-/// The pass of each stem, or nothing where names tell none.
+/// The pass of each stem, or nothing where names say none.
 pub(super) fn tell(stems: &[&Stem]) -> Result<Option<Vec<String>>, Error> {
     let aliases = Aliases::built_in()?;
     let texts: Vec<String> = stems

@@ -306,7 +306,7 @@ fn the_kind_of_depth_is_measured_where_positions_tell_the_camera() {
         assert_eq!(open_as(frames.join("mitsuba_box/noisy/box.0003.exr"), wrong), DepthKind::Ray);
         assert_eq!(open_as(hall(&frames, 3), wrong), DepthKind::Planar);
     }
-    // Without positions nothing tells, and nothing moves.
+    // Without positions nothing is known, and nothing moves.
     let (adapter, _) = adapter(&frames.join("exr_aov/parts_mixed_half_float_uint.exr"));
     assert!(adapter.warnings().iter().any(|w| w.contains("by itself")), "{:?}", adapter.warnings());
 }
@@ -501,7 +501,7 @@ fn vectors_that_are_zero_while_the_picture_moves_count_as_missing_and_repeated_n
     adapter.frame(6, &files[0], &mut links).unwrap();
     let made = adapter.frame(7, &files[1], &mut links).unwrap();
     assert!(made.notes.iter().any(|n| n.contains("zero everywhere")), "{:?}", made.notes);
-    // Positions tell both cameras: most of the picture stands still.
+    // Positions give both cameras: most of the picture stands still.
     let moved = made.frame.motion_to_previous.unwrap().data().iter().filter(|v| v[0].hypot(v[1]) > 0.5).count();
     assert!(moved > 60_000, "{moved}");
 

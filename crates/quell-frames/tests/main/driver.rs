@@ -367,7 +367,7 @@ fn bands_give_the_same_files_and_leave_nothing_behind() {
     }
     let events = case.0.events.lock().unwrap();
     assert!(events.contains(&Event::Band(8, 9)), "{events:?}");
-    // Every frame is written once, and told once.
+    // Every frame is written once, and reported once.
     assert_eq!(events.iter().filter(|e| **e == Event::Written(4)).count(), 4);
 }
 

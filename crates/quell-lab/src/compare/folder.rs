@@ -173,7 +173,7 @@ fn check_light(
         plane.data().iter().flatten().map(|v| f64::from(*v)).filter(|v| v.is_finite()).sum()
     };
     let (mut noisy, mut converged): (f64, f64) = (0.0, 0.0);
-    // Three frames tell; reading all would take as long as a method.
+    // Three frames are enough; reading all would take as long as a method.
     let step = references.len().div_ceil(3).max(1);
     for (number, reference) in references.iter().step_by(step) {
         let Some((_, path)) = frames.iter().find(|(n, _)| n == number) else { continue };

@@ -136,7 +136,7 @@ fn longest_row(sequence: &Sequence) -> Vec<usize> {
 /// What a reader must know about the sequence before believing any figure: whether the references' noise limits it,
 /// whether anything moves, whether there is a steady state.
 pub fn caveats(sequence: &Sequence, best_error: Option<f64>) -> Result<Vec<String>, Error> {
-    /// A reference whose own error is beyond this part of the best method's limits what can be told apart.
+    /// A reference whose own error is beyond this part of the best method's limits what can be distinguished.
     const MOST_OF_BEST: f64 = 0.05;
     let mut notes = Vec::new();
     match (sequence.reference_error(), best_error) {

@@ -89,7 +89,7 @@ impl Runner<'_> {
         match what {
             Competitor::Frames { name, folder } => finished_frames(sequence, name, folder, None),
             Competitor::Method { name } => {
-                // Elsewhere quell's own methods give other bits and times.
+                // On another back end quell's own methods give other bits and times.
                 let here = matches!(self.backend, Backend::Cpu(quell::Backend::Cpu)) || !name.starts_with("quell:");
                 let on = || format!("{name} on {} {}", self.backend.name(), self.backend.adapter().unwrap_or_default());
                 let key = self.key(sequence, &if here { name.clone() } else { on() });
@@ -250,7 +250,7 @@ fn given_frames(sequence: &Sequence, place: &Path) -> Result<PathBuf, Error> {
     for (index, &number) in sequence.numbers.iter().enumerate() {
         let path = frame_path(place, super::scene::NOISY, number);
         match sequence.file(index) {
-            // The same file system: a link costs nothing. Elsewhere it is copied.
+            // The same file system: a link costs nothing. On another one it is copied.
             Some(file) => {
                 std::fs::create_dir_all(place).map_err(|e| quell_frames::Error::io(place, "create folder", e))?;
                 if std::fs::hard_link(file, &path).is_err() {

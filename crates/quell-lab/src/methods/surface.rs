@@ -93,7 +93,7 @@ pub(super) const GRADIENT: usize = 0;
 /// Channel of [`Guides::slope`]: |dn/dx| + |dn/dy|, the `fwidth` of the normal, within the object.
 pub(super) const NORMAL_WIDTH: usize = 2;
 
-/// The guides of one frame that tell surfaces apart.
+/// The guides of one frame that separate surfaces.
 #[derive(Clone, Debug)]
 pub(super) struct Guides {
     pub(super) surface: Rows,

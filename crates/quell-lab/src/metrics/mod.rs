@@ -41,7 +41,7 @@ pub struct FrameScores {
     /// Sum of the picture over sum of the reference; 1 is right.
     pub energy: f64,
     /// Structural similarity of the tone-mapped luma (see [`ssim()`]); 1 is equal, higher is better.
-    /// NaN (null in JSON) where an older report does not tell.
+    /// NaN (null in JSON) where an older report does not say.
     #[serde(default = "unknown", with = "unknown_as_null")]
     pub ssim: f64,
     /// Mean FLIP of the tone-mapped picture, 0..1; lower is better. NaN where it was not measured.

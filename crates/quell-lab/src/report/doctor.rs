@@ -1,7 +1,7 @@
 //! The page of `quell doctor`: findings, and pairs of frames to look at. One self-contained HTML file.
 //!
 //! Of each pair: the frame and its neighbour brought to it along the motion, to flip between or to wipe; surfaces without
-//! noise likewise; and the motion as colour. Pictures wider than [`MAX_WIDTH`] are shown at every n-th pixel.
+//! noise; and the motion as colour. Pictures wider than [`MAX_WIDTH`] are shown at every n-th pixel.
 
 use crate::error::Error;
 use crate::report::template::{fill, plain};

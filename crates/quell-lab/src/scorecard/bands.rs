@@ -180,7 +180,7 @@ fn edge_stopping_by(
         .collect()
 }
 
-/// The band E_3(x) - E_12(x) of a map on each surface, over the pixels where `mask` is 1; 0 elsewhere. Each Gaussian is
+/// The band E_3(x) - E_12(x) of a map on each surface, over the pixels where `mask` is 1; else 0. Each Gaussian is
 /// taken of the narrower one's result, from pixels further apart.
 pub fn surface_band(surfaces: &Surfaces<'_>, map: &Map, mask: &Map) -> Map {
     let radii = Radii::of(surfaces.size());

@@ -1,7 +1,7 @@
 //! The joint fit: least squares with the halves of the reference as instruments.
 
 /// Columns of the fit: the predictors u1 and u2 (detail lost) away from edges, s (light across edges), g (stale light), and
-/// u1 and u2 again near edges. The detail that a blur across edges takes on its own side is so told apart from the blur of
+/// u1 and u2 again near edges. The detail that a blur across edges takes on its own side is so separated from the blur of
 /// surfaces.
 pub const COUNT: usize = 6;
 /// u1 away from edges.
@@ -57,7 +57,7 @@ impl Sums {
 }
 
 /// Solves sum z_i y = sum_j (sum z_i x_j) c_j for the predictors that are `used`; the others' coefficients are 0. `None`
-/// where the predictors in use cannot be told apart.
+/// where the predictors in use cannot be separated.
 pub fn solve(sums: &Sums, zy: &[f64; COUNT], used: [bool; COUNT]) -> Option<[f64; COUNT]> {
     let chosen: Vec<usize> = (0..COUNT).filter(|&i| used[i]).collect();
     let n = chosen.len();

@@ -50,7 +50,7 @@ pub struct ReferenceFrame<'a> {
     pub b: Option<&'a Plane<Rgb>>,
     /// The direct term within `a`; `None`: `frame.direct`. Read by flatness and lag.
     pub a_direct: Option<&'a Plane<Rgb>>,
-    /// The direct term within `b`, likewise.
+    /// The direct term within `b`.
     pub b_direct: Option<&'a Plane<Rgb>>,
     /// Whether the frame counts. `false`: warm-up, which serves as the past of later frames only.
     pub scored: bool,
@@ -285,7 +285,7 @@ impl Instruments {
         Ok(())
     }
 
-    /// Parts the indirect light from the references, where the frames tell direct light and weights.
+    /// Parts the indirect light from the references, where the frames hold direct light and weights.
     fn demodulate(&mut self, frames: &[ReferenceFrame<'_>]) {
         let (k, two) = (self.k, self.halves);
         self.frames.par_iter_mut().zip(frames).for_each(|(own, given)| {

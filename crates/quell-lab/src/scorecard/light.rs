@@ -8,7 +8,7 @@ use quell::{Plane, Rgb};
 
 /// What the log-mean luminance of lit surfaces times k becomes: mid grey.
 const MID_GREY: f64 = 0.18;
-/// Surfaces darker than this reflect too little to tell their light from rounding.
+/// Surfaces darker than this reflect too little to separate their light from rounding.
 pub(super) const LEAST_ALBEDO: f32 = 0.02;
 /// Light beyond this counts as this: its logarithm stays finite.
 const LARGEST_LIGHT: f32 = 1e30;

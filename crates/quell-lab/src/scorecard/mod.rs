@@ -3,7 +3,7 @@
 //! ```text
 //! score.rs        a score, and the ten of them
 //! bands.rs        Gaussians, plain and edge-stopping; the fine band and the band of blotches
-//! surfaces.rs     what the guides tell: same surface or not, where it was a frame ago
+//! surfaces.rs     what the feature buffers show: same surface or not, where it was a frame ago
 //! history.rs      a pixel's past: its age, the stale light of a history without rejection
 //! fit.rs          least squares with the reference's halves as instruments
 //! instruments.rs  all that depends on the references only

@@ -1,4 +1,4 @@
-//! What the noise-free guides tell: which pixels show the same surface, and where a surface was a frame ago.
+//! What the noise-free feature buffers show: which pixels show the same surface, and where a surface was a frame ago.
 
 use crate::error::Error;
 use glam::{Vec2, Vec3};

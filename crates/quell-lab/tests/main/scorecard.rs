@@ -202,7 +202,7 @@ fn lag_counts_the_frames_until_the_light_has_followed() {
             .collect();
         assert_eq!(value(&instruments.score(&pictures).unwrap(), "lag"), expected, "{kept}");
     }
-    // One that never follows is told as such.
+    // One that never follows is reported as such.
     let stuck: Vec<Plane<Rgb>> = (0..24).map(|_| at(1.0)).collect();
     let lag = instruments.score(&stuck).unwrap().lag;
     assert!(lag.value == Some(10.0) && lag.reason.unwrap().contains("at least"));

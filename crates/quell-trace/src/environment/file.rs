@@ -177,7 +177,7 @@ mod tests {
         folder
     }
 
-    /// Bright to the right of the middle, above the horizon; dim elsewhere.
+    /// Bright to the right of the middle, above the horizon; dim in all other places.
     fn picture(x: usize, y: usize) -> Rgb {
         if (10..14).contains(&x) && y < 4 { [4.0, 2.0, 1.0] } else { [0.25; 3] }
     }

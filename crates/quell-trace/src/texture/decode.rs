@@ -11,7 +11,7 @@ pub struct Limits {
     pub extent: usize,
     /// Most texels.
     pub pixels: usize,
-    /// Most bytes that decoding may take, besides the file.
+    /// Most bytes that decoding may take, without the file.
     pub bytes: u64,
 }
 

@@ -101,7 +101,7 @@ impl Image {
         if share > 0.0 { fine.lerp(level(floor as usize + 1), share) } else { fine }
     }
 
-    /// Whether all colours between two corners of texture coordinates are 0, as far as a bounded search can tell: of
+    /// Whether all colours between two corners of texture coordinates are 0, as far as a bounded search finds: of
     /// very large regions it says no.
     pub(crate) fn is_black(&self, min: Vec2, max: Vec2) -> bool {
         /// Texels that are looked at, at most.

@@ -67,7 +67,7 @@ fn the_unit_of_length_does_not_matter() {
     let (one, depth) = picture(1.0);
     for scale in [0.01, 100.0] {
         let (other, other_depth) = picture(scale);
-        // Rounding sends a few paths elsewhere; all others see the same to rounding.
+        // Rounding sends a few paths another way; all others see the same to rounding.
         let far_off = one
             .data()
             .iter()

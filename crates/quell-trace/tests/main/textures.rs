@@ -79,7 +79,7 @@ fn a_fine_checker_far_away_is_its_mean_at_one_sample_a_pixel() {
 /// A floor under a lamp whose image is all but even.
 fn textured_lamp(alpha: Alpha, unlit: bool) -> Scene {
     let mut scene = Scene::new("textured lamp");
-    // Bright spots in a corner; nearly clear elsewhere.
+    // Bright spots in a corner; nearly clear in all other places.
     scene.images.push(image(16, 8, |x, y| {
         let bright = (x * 7 + y * 5) % 11 < 2 || (x < 4 && y < 4);
         if bright { [255, 200, 120, 255] } else { [10, 20, 90, 60] }
@@ -239,7 +239,7 @@ fn guides_of_veiled_pixels_have_no_noise() {
         assert_eq!(a.view_depth, b.view_depth);
         assert_eq!(a.surface_id, b.surface_id);
         assert_ne!(a.direct, b.direct);
-        // What shows most is what guides tell of.
+        // Guides describe what shows most.
         assert_eq!(a.surface_id.unwrap().at(8, 5), id, "opacity {opacity}");
         let whole = if opacity < 0.5 { 0.8 * (1.0 - opacity) } else { 0.2 * opacity };
         assert!((a.matte_weight.unwrap().at(8, 5)[0] - whole).abs() < 1e-5, "opacity {opacity}");

@@ -637,7 +637,7 @@ fn bent_errors(scene: &Scene, index: i64) -> [Vec<f32>; 2] {
             }
             let expected = previous_reflector(&guides, &before, &expected, &visible, x, y);
             let distance = guides.glossy_hit.at(x, y);
-            // A single pixel of the footprint on the sphere tells no curvature.
+            // A single pixel of the footprint on the sphere shows no curvature.
             let Some(bent) = bent_coordinate(&guides, &before, &expected, &visible, distance, x, y) else { continue };
             errors[0].push((bent - exact.as_vec2()).length());
             if let Some(plane) = virtual_coordinate(&guides, &settings.glossy_temporal, &expected, distance, x, y) {
@@ -670,7 +670,7 @@ fn the_image_in_a_curved_mirror_is_found_where_it_was() {
         // The outermost ring of pixels has no whole footprint on the sphere.
         let (half, most) = (at(&bent, 0.5), at(&bent, 0.9));
         assert!(half < 0.02 && most < 0.1, "{name}: half within {half} pixels, nine tenths within {most}");
-        // Canary: a plane mirror's image lies elsewhere.
+        // Canary: a plane mirror's image lies in another place.
         assert!(at(&plane, 0.5) > 10.0 * half.max(0.01), "{name}: {} as if plane", at(&plane, 0.5));
     }
 }
@@ -839,7 +839,7 @@ fn what_was_hidden_has_no_history() {
     let fast =
         |f: &FrameBuf, x: usize, y: usize| id_at(f, x, y) == 1 && share_seen_before(&scene, f, x, y) == Some(0.0);
     assert_eq!(keeping_history(&Settings::default(), &scene, 3, fast), 0.0);
-    // Even without identities the distance alone tells.
+    // Even without identities the distance alone decides.
     let size = Size::new(64, 48);
     let mut frames = sequence(&scene, size, 3);
     let last = frames[2].clone();

@@ -284,7 +284,7 @@ fn noise_that_repeats_brings_no_samples() {
 #[test]
 fn a_texture_in_a_mirror_stays() {
     let texture = |x: usize, y: usize| [if (x / 2 + y / 2).is_multiple_of(2) { 0.2 } else { 0.25 }; 3];
-    // The surface's own colour may count its mirror's: what multiplies matte light tells that it has no other.
+    // The surface's own colour may count its mirror's: what multiplies matte light shows that it has no other.
     let mirror = |diffuse: f32| {
         move |t: i64| {
             let mut f = frame(0);
@@ -417,7 +417,7 @@ fn every_parameter_matters() {
     assert!(still.is_empty(), "{still:?} change nothing");
 }
 
-/// What a mirror shows moves by its own motion, which no file holds: a shadow there, that the guides do not tell, is
+/// What a mirror shows moves by its own motion, which no file holds: a shadow there, that the feature buffers do not show, is
 /// neither smeared nor left noisy.
 #[test]
 fn what_a_mirror_shows_is_followed_by_its_own_motion() {

@@ -168,7 +168,7 @@ fn a_frame_that_cannot_be_read_fails_and_the_others_are_written() {
     assert!(matches!(&outcome.frames[2], (5, Fate::Failed(why)) if why.contains("frame.exr")), "{outcome:?}");
     assert_eq!((case.seen(4), case.seen(6)), (vec![2, 3, 4], vec![6, 7, 8]));
     assert!(events.iter().any(|e| matches!(e, Event::Failed(5, _))));
-    // A neighbour that is not wanted is only told of.
+    // A neighbour that is not wanted is only reported.
     let mut case = Case::new();
     case.files.unreadable = vec![5];
     let (outcome, events) = case.run(&[3, 4]);
