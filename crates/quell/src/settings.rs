@@ -126,7 +126,7 @@ parameters! {
             source "[S] a spatially filtered image is fed back; [O] which: ours by measurement, `docs/paper.md`";
     }
     /// When history counts as the same surface: shared by stages 3 and 8.
-    surface: Surface {
+    surface: SurfaceSettings {
         rejection: Rejection = Rejection::Plane, (), "",
             "Distance that rejects history.",
             higher "`plane` keeps floors at grazing views.", lower "`off` ghosts, `point` is the engine's.",

@@ -27,7 +27,7 @@ const ALBEDO_SHARE: f64 = 1e-3;
 const ALBEDO_SPOILS: f64 = 0.01;
 
 #[derive(Debug, Default)]
-pub(super) struct Guides {
+pub(super) struct GuideChecks {
     /// The first frame that was looked at.
     first: Option<i64>,
     lengths: Option<Lengths>,
@@ -49,7 +49,7 @@ struct Lengths {
     same: f64,
 }
 
-impl Guides {
+impl GuideChecks {
     pub fn look(&mut self, adapter: &Adapter, look: &Look) {
         self.first = self.first.or(Some(look.number));
         if let Some(normal) = &look.raw.normal {

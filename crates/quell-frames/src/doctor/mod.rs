@@ -160,8 +160,12 @@ impl Layer<'_> {
         codec::judge(mapping, headers, first, found);
         let renamed = passes::names(mapping, &self.options.map, found);
         let adapt = AdaptOptions { motion: self.options.motion.clone(), beauty_only: false, passes: None };
-        let (mut values, mut guides, mut motion, mut noise) =
-            (values::Values::default(), guides::Guides::default(), motion::Motion::default(), noise::Noise::default());
+        let (mut values, mut guides, mut motion, mut noise) = (
+            values::Values::default(),
+            guides::GuideChecks::default(),
+            motion::Motion::default(),
+            noise::Noise::default(),
+        );
         let mut adapter: Option<Adapter> = None;
         let mut links = Links::default();
         let mut last: Option<Look> = None;

@@ -9,7 +9,7 @@ use crate::frame::Signal;
 use crate::pipeline::{Image, Plan, Stage, Step};
 
 /// A resource and which copy.
-type Place = (Slot, bool);
+type Source = (Slot, bool);
 
 pub(super) struct Builder<'a> {
     plan: &'a Plan,
@@ -17,8 +17,8 @@ pub(super) struct Builder<'a> {
     resources: Vec<Resource>,
 }
 
-const GUIDES: [Place; 3] = [(Slot::Geometry, false), (Slot::Surface, false), (Slot::Moving, false)];
-const GUIDES_BEFORE: [Place; 2] = [(Slot::Geometry, true), (Slot::Surface, true)];
+const GUIDES: [Source; 3] = [(Slot::Geometry, false), (Slot::Surface, false), (Slot::Moving, false)];
+const GUIDES_BEFORE: [Source; 2] = [(Slot::Geometry, true), (Slot::Surface, true)];
 
 impl<'a> Builder<'a> {
     pub(super) const fn new(plan: &'a Plan, contents: Contents) -> Self {
@@ -61,11 +61,11 @@ impl<'a> Builder<'a> {
         Program { storage, resources: self.resources, dispatches, shown, joint }
     }
 
-    fn dispatch(&mut self, step: &Step, pass: Pass, places: Vec<Place>) -> Dispatch {
+    fn dispatch(&mut self, step: &Step, pass: Pass, places: Vec<Source>) -> Dispatch {
         Dispatch { pass, host_input: self.filters_host_image(step), bound: self.bound(&pass, places) }
     }
 
-    fn bound(&mut self, pass: &Pass, places: impl IntoIterator<Item = Place>) -> Vec<Bound> {
+    fn bound(&mut self, pass: &Pass, places: impl IntoIterator<Item = Source>) -> Vec<Bound> {
         places.into_iter().zip(pass.bindings).map(|(place, b)| self.bind(place, b)).collect()
     }
 
@@ -110,7 +110,7 @@ impl<'a> Builder<'a> {
         let count = self.contents.joint[signal as usize];
         (0..count)
             .map(|index| {
-                let own = |place: Place| match place {
+                let own = |place: Source| match place {
                     (Slot::Image(image), before) => (Slot::Joint { signal, index, image }, before),
                     shared => shared,
                 };
@@ -134,7 +134,7 @@ impl<'a> Builder<'a> {
     }
 
     /// Where an image of the plan lies.
-    pub(super) fn place(&self, image: Image) -> Place {
+    pub(super) fn place(&self, image: Image) -> Source {
         let plan = self.plan;
         let remembered = |history| (Slot::Image(history), false);
         match image {
@@ -155,23 +155,23 @@ impl<'a> Builder<'a> {
     }
 
     /// What stages 3 and 8 bind after the guides.
-    fn accumulating(&self, step: &Step) -> [Place; 5] {
+    fn accumulating(&self, step: &Step) -> [Source; 5] {
         let (history, length) = Self::history_of(step.stage);
         [self.place(step.input), self.place(history), (length, true), self.place(step.output), (length, false)]
     }
 
     /// What stage 5 reads.
-    fn blending(&self, step: &Step) -> Vec<Place> {
+    fn blending(&self, step: &Step) -> Vec<Source> {
         let prefiltered = step.also_reads.first().copied().unwrap_or(step.input);
         vec![self.place(step.input), self.place(prefiltered)]
     }
 
-    fn floored(&self) -> Place {
+    fn floored(&self) -> Source {
         self.place(Image::MatteFloored)
     }
 
     /// The bindings of a stage's own pass.
-    fn single(&self, step: &Step) -> Vec<Place> {
+    fn single(&self, step: &Step) -> Vec<Source> {
         let (input, output) = (self.place(step.input), self.place(step.output));
         let guides = GUIDES.into_iter();
         match step.stage {
@@ -198,7 +198,7 @@ impl<'a> Builder<'a> {
                     (false, Some(_)) => self.place(plan.matte_output),
                     (false, None) => self.place(plan.glossy_output),
                 };
-                let or_any = |there: bool, place: Place| if there { place } else { any };
+                let or_any = |there: bool, place: Source| if there { place } else { any };
                 let of = |signal: Option<SignalContents>| {
                     (signal.is_some(), signal.is_some_and(|s| s.direct), signal.is_some_and(|s| s.weight))
                 };
@@ -224,7 +224,7 @@ impl<'a> Builder<'a> {
         can_come_first && self.place(step.input).0.is_input()
     }
 
-    fn bind(&mut self, (slot, before): Place, binding: &Binding) -> Bound {
+    fn bind(&mut self, (slot, before): Source, binding: &Binding) -> Bound {
         let holds = match (binding.kind, slot) {
             (_, Slot::Absent(sample)) | (BindingKind::Host(sample), _) => Holds::Host(sample),
             (BindingKind::Sampled(texel) | BindingKind::Stored(texel), _) => Holds::Plane(texel),

@@ -9,7 +9,7 @@ use crate::history::Validity;
 use crate::kernels::mirror_image::FARTHEST_BENT_PX;
 use crate::plane::Size;
 use crate::settings::{
-    Clip, GlossyRadius, HitFilter, Median, OffScreen, REFERENCE_ROWS, Rejection, Settings, Surface as SurfaceSettings,
+    Clip, GlossyRadius, HitFilter, Median, OffScreen, REFERENCE_ROWS, Rejection, Settings, SurfaceSettings,
 };
 use crate::stages::glossy_bilateral::KernelSize;
 use glam::{DVec3, UVec2, Vec2, Vec3, Vec4};

@@ -3,7 +3,7 @@
 
 use super::reproject::{Expected, Lookup, distance_trust, lookup, on_screen};
 use crate::border::Guides;
-use crate::settings::{GlossyTemporal, HitFilter, REFERENCE_ROWS, Rejection, Settings, Surface as SurfaceSettings};
+use crate::settings::{GlossyTemporal, HitFilter, REFERENCE_ROWS, Rejection, Settings, SurfaceSettings};
 use glam::{Vec2, Vec3};
 
 /// Glossy light: the footprint at a virtual coordinate, each pixel tested for the same reflector. Never by point

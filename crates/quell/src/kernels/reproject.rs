@@ -4,7 +4,7 @@
 use super::bilinear::footprint;
 use super::math::smoothstep;
 use crate::border::Guides;
-use crate::settings::{Rejection, Surface as SurfaceSettings};
+use crate::settings::{Rejection, SurfaceSettings};
 use glam::{Vec2, Vec3};
 
 /// The surface that history must show: where it was, as far as motion shows.

@@ -7,7 +7,7 @@ use crate::camera::Projection;
 use crate::kernels::spiral::PERIOD;
 use crate::phased::guides::{CpuGuides, Surfaces, field};
 use crate::phased::layout::copy;
-use crate::settings::{Rejection, Settings, Surface as SurfaceSettings};
+use crate::settings::{Rejection, Settings, SurfaceSettings};
 use glam::{Vec2, Vec3};
 
 /// Pixels that are looked up together.
@@ -237,13 +237,13 @@ pub(super) fn lane(v: &Lanes3, i: usize) -> [f32; 3] {
 
 /// Where a pixel of the previous image is stored.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Place {
+pub(crate) struct LaneTap {
     /// Element of a row in phase order.
     pub element: [u32; LANES],
     pub row: [u32; LANES],
 }
 
-impl Default for Place {
+impl Default for LaneTap {
     fn default() -> Self {
         Self { element: [0; LANES], row: [0; LANES] }
     }
@@ -318,7 +318,7 @@ pub(crate) struct Footprint {
     weight: [Lanes; 4],
     pub(super) column: [Lanes; 4],
     pub(super) row: [Lanes; 4],
-    pub place: [Place; 4],
+    pub place: [LaneTap; 4],
     depth: [Lanes; 4],
     /// World positions, as the last lookup found them.
     pub(super) position: [Lanes3; 4],
@@ -351,7 +351,7 @@ impl Footprint {
             weight: [[0.0; LANES]; 4],
             column: [[0.0; LANES]; 4],
             row: [[0.0; LANES]; 4],
-            place: [Place::default(); 4],
+            place: [LaneTap::default(); 4],
             depth: [[f32::INFINITY; LANES]; 4],
             position: [[[0.0; LANES]; 3]; 4],
             normal: [[[0.0; LANES]; 3]; 4],

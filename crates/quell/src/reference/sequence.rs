@@ -1,69 +1,16 @@
 //! The sequence filter's stages as their specification has them.
 
-use crate::frame::Rgb;
-use crate::plane::Plane;
 use crate::sequence::SequenceStages;
-use crate::sequence::settings::{Gather, Reflections, Stabilise, Variance, Wavelet};
-use crate::stages::feature_noise;
-use crate::stages::gather::{self, Gathered};
-use crate::stages::reflection_motion::{self, ReflectionMotion};
-use crate::stages::stabilise::{self, StabiliseFrame};
-use crate::stages::{recombine, variance, wavelet};
-use crate::window::{Features, LightSlot, LocalFeatures, PreparedFrame, Rows};
+use crate::stages::{feature_noise, gather, recombine, reflection_motion, stabilise, variance, wavelet};
 
 /// Every stage's `reference.rs`.
-pub(crate) struct Reference;
-
-impl SequenceStages for Reference {
-    fn reflection_motion(&self, previous: &Features, next: &Features, s: &Reflections) -> Option<ReflectionMotion> {
-        reflection_motion::reference::run(previous, next, s)
-    }
-
-    fn gather(&self, window: &[&PreparedFrame], centre: usize, s: &Gather) -> Gathered {
-        gather::reference::run(window, centre, s)
-    }
-
-    fn feature_noise(&self, features: &Features) -> LocalFeatures {
-        feature_noise::reference::run(features)
-    }
-
-    fn variance(
-        &self,
-        local: &LocalFeatures,
-        gathered: &Gathered,
-        given: &[Option<Plane<f32>>],
-        s: &Variance,
-        wavelet: &Wavelet,
-    ) -> Rows {
-        variance::reference::run(local, gathered, given, s, wavelet)
-    }
-
-    fn wavelet(&self, local: &LocalFeatures, slots: &[LightSlot], colours: Rows, variance: Rows, s: &Wavelet) -> Rows {
-        wavelet::reference::run(local, slots, colours, variance, s)
-    }
-
-    fn sum(&self, frame: &PreparedFrame, slots: &[LightSlot], colours: &Rows) -> Plane<Rgb> {
-        recombine::reference::sum(frame, slots, colours)
-    }
-
-    fn stabilise(
-        &self,
-        window: &[StabiliseFrame<'_>],
-        centre: usize,
-        gather: &Gather,
-        s: &Stabilise,
-    ) -> (Plane<Rgb>, Option<Plane<f32>>) {
-        stabilise::reference::run(window, centre, gather, s)
-    }
-
-    fn rescale(
-        &self,
-        frame: &PreparedFrame,
-        slots: &[LightSlot],
-        colours: &Rows,
-        before: &Plane<Rgb>,
-        after: &Plane<Rgb>,
-    ) -> Vec<Vec<Plane<Rgb>>> {
-        recombine::reference::rescale(frame, slots, colours, before, after)
-    }
-}
+pub(crate) static STAGES: SequenceStages = SequenceStages {
+    reflection_motion: reflection_motion::reference::run,
+    gather: gather::reference::run,
+    feature_noise: feature_noise::reference::run,
+    variance: variance::reference::run,
+    wavelet: wavelet::reference::run,
+    sum: recombine::reference::sum,
+    stabilise: stabilise::reference::run,
+    rescale: recombine::reference::rescale,
+};

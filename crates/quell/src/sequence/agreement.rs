@@ -79,7 +79,7 @@ fn compare(a: &Output, b: &Output, bound: Bound) -> Result<(), String> {
 }
 
 /// Compares what both back ends make, and plants differences into the one's output that must be seen in every plane.
-fn check(stage: &str, mut run: impl FnMut(&dyn SequenceStages) -> Output) -> Output {
+fn check(stage: &str, mut run: impl FnMut(&SequenceStages) -> Output) -> Output {
     let [reference, cpu] = [Backend::Reference, Backend::Cpu].map(|backend| run(stages_of(backend)));
     compare(&reference, &cpu, bound(stage)).unwrap_or_else(|e| panic!("{stage}: {e}"));
     for k in 0..cpu.len() {
@@ -151,51 +151,50 @@ fn every_stage_agrees_with_its_reference() {
 
     let plain: Vec<_> = [0, 1].map(|t| PreparedFrame::new(frame(t, Size::new(96, 88)), &s).unwrap()).into();
     let motion_of_glass = check("reflection_motion", |stages| {
-        let found = stages.reflection_motion(&plain[0].features, &plain[1].features, &s.reflections).unwrap();
+        let found = (stages.reflection_motion)(&plain[0].features, &plain[1].features, &s.reflections).unwrap();
         vec![motion("to previous", found.to_previous.as_ref()), motion("to next", found.to_next.as_ref())]
     });
     let surface = motion("", plain[1].features.motion.to_previous.as_ref()).1;
     let other = motion_of_glass[0].1.iter().zip(&surface).filter(|(a, b)| a != b).count();
     assert!(other > surface.len() / 10, "what the glass shows has a motion of its own in {other} values");
 
-    check("feature_noise", |stages| features(&stages.feature_noise(&here.features)));
-    let local = stages_of(Backend::Cpu).feature_noise(&here.features);
+    check("feature_noise", |stages| features(&(stages.feature_noise)(&here.features)));
+    let local = (stages_of(Backend::Cpu).feature_noise)(&here.features);
 
     check("gather", |stages| {
-        let gathered = stages.gather(&members, 2, &s.gather);
+        let gathered = (stages.gather)(&members, 2, &s.gather);
         [channels("mean", &gathered.colours), channels("moment", &gathered.moments)].concat()
     });
-    let gathered = stages_of(Backend::Cpu).gather(&members, 2, &s.gather);
+    let gathered = (stages_of(Backend::Cpu).gather)(&members, 2, &s.gather);
     assert_eq!(gathered.slots.len(), frames[0].slots.len(), "every kind of light takes part");
 
     let given: Vec<_> = gathered.slots.iter().map(|slot| here.given_variance(slot)).collect();
     assert!(given.iter().any(Option::is_some));
-    let variance = |stages: &dyn SequenceStages| stages.variance(&local, &gathered, &given, &s.variance, &s.wavelet);
+    let variance = |stages: &SequenceStages| (stages.variance)(&local, &gathered, &given, &s.variance, &s.wavelet);
     check("variance", |stages| channels("variance", &variance(stages)));
     let pooled = variance(stages_of(Backend::Cpu));
 
     let slots = &gathered.slots;
-    let wavelet = |stages: &dyn SequenceStages| {
-        stages.wavelet(&local, slots, gathered.colours.clone(), pooled.clone(), &s.wavelet)
-    };
+    let wavelet =
+        |stages: &SequenceStages| (stages.wavelet)(&local, slots, gathered.colours.clone(), pooled.clone(), &s.wavelet);
     check("wavelet", |stages| channels("filtered", &wavelet(stages)));
     let filtered = wavelet(stages_of(Backend::Cpu));
 
-    check("sum", |stages| vec![colours("picture", &stages.sum(here, slots, &filtered))]);
+    check("sum", |stages| vec![colours("picture", &(stages.sum)(here, slots, &filtered))]);
 
     let pictures: Vec<_> =
-        (members.iter()).map(|frame| stages_of(Backend::Cpu).sum(frame, slots, &gathered.colours)).collect();
+        (members.iter()).map(|frame| (stages_of(Backend::Cpu).sum)(frame, slots, &gathered.colours)).collect();
     let shown: Vec<_> = (members.iter().zip(&pictures))
         .map(|(f, picture)| StabiliseFrame { features: &f.features, picture, alpha: f.alpha.as_ref() })
         .collect();
     check("stabilise", |stages| {
-        let (picture, alpha) = stages.stabilise(&shown, 2, &s.gather, &s.stabilise);
+        let (picture, alpha) = (stages.stabilise)(&shown, 2, &s.gather, &s.stabilise);
         vec![colours("picture", &picture), ("coverage".to_owned(), alpha.unwrap().data().to_vec())]
     });
 
-    let (steady, _) = stages_of(Backend::Cpu).stabilise(&shown, 2, &s.gather, &s.stabilise);
+    let (steady, _) = (stages_of(Backend::Cpu).stabilise)(&shown, 2, &s.gather, &s.stabilise);
     check("rescale", |stages| {
-        let passes = stages.rescale(here, slots, &filtered, &pictures[2], &steady);
+        let passes = (stages.rescale)(here, slots, &filtered, &pictures[2], &steady);
         passes.iter().flatten().enumerate().map(|(k, plane)| colours(&format!("pass {k}"), plane)).collect()
     });
 }
@@ -211,17 +210,17 @@ fn stages_agree_where_buffers_and_neighbours_are_missing() {
     bare.lights[0].weight = None;
     for frame in [sparse, bare] {
         let frame = PreparedFrame::new(frame, &s).unwrap();
-        let run = |stages: &dyn SequenceStages| {
-            let gathered = stages.gather(&[&frame], 0, &s.gather);
-            let local = stages.feature_noise(&frame.features);
-            let variance = stages.variance(&local, &gathered, &[], &s.variance, &s.wavelet);
+        let run = |stages: &SequenceStages| {
+            let gathered = (stages.gather)(&[&frame], 0, &s.gather);
+            let local = (stages.feature_noise)(&frame.features);
+            let variance = (stages.variance)(&local, &gathered, &[], &s.variance, &s.wavelet);
             let slots = gathered.slots;
-            let filtered = stages.wavelet(&local, &slots, gathered.colours, variance, &s.wavelet);
-            let picture = stages.sum(&frame, &slots, &filtered);
+            let filtered = (stages.wavelet)(&local, &slots, gathered.colours, variance, &s.wavelet);
+            let picture = (stages.sum)(&frame, &slots, &filtered);
             let only = StabiliseFrame { features: &frame.features, picture: &picture, alpha: None };
-            let (steady, alpha) = stages.stabilise(&[only], 0, &s.gather, &s.stabilise);
+            let (steady, alpha) = (stages.stabilise)(&[only], 0, &s.gather, &s.stabilise);
             assert!(alpha.is_none());
-            let passes = stages.rescale(&frame, &slots, &filtered, &picture, &steady);
+            let passes = (stages.rescale)(&frame, &slots, &filtered, &picture, &steady);
             passes.iter().flatten().map(|plane| colours("pass", plane)).collect()
         };
         let [reference, cpu]: [Output; 2] = [Backend::Reference, Backend::Cpu].map(|b| run(stages_of(b)));

@@ -27,7 +27,7 @@ struct Entry {
 pub struct SequenceDenoiser {
     settings: SequenceSettings,
     plan: SequencePlan,
-    stages: &'static dyn SequenceStages,
+    stages: &'static SequenceStages,
     entries: VecDeque<Entry>,
     /// Entries at the front that were given out or are not wanted.
     done: usize,
@@ -63,7 +63,7 @@ impl PreparedFrame {
         }
     }
 
-    fn link(&mut self, next: &mut Self, stages: &dyn SequenceStages, plan: &SequencePlan, s: &SequenceSettings) {
+    fn link(&mut self, next: &mut Self, stages: &SequenceStages, plan: &SequencePlan, s: &SequenceSettings) {
         if self.features.lacks_motion_to_next() {
             self.features.derive_motion_to_next(&next.features);
         }
@@ -264,7 +264,7 @@ impl SequenceDenoiser {
                 let mut job = EstimateJob::new(&window, i - from, s);
                 if there.estimate(&mut job).map_err(|reason| accelerator::failed(accelerator, reason))? {
                     let (slots, colours, samples) = job.estimated();
-                    let picture = stages.sum(frame, &slots, &colours);
+                    let picture = (stages.sum)(frame, &slots, &colours);
                     return Ok(Estimate { slots, colours, picture, samples });
                 }
             }

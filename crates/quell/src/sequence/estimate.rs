@@ -68,7 +68,7 @@ pub struct WindowFrame {
 
 /// Where a frame of the window has a light.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Place {
+pub enum LightPlace {
     /// It is black there.
     Black,
     /// Its planes are [`FramePlane::Samples`].
@@ -77,7 +77,7 @@ pub enum Place {
     Unknown,
 }
 
-impl From<gather::Place> for Place {
+impl From<gather::Place> for LightPlace {
     fn from(place: gather::Place) -> Self {
         match place {
             gather::Place::Black => Self::Black,
@@ -102,7 +102,7 @@ pub struct GatheredLight {
     /// In mirrors and glass it moves by its own motion.
     pub reflected: bool,
     /// Of each frame of the window.
-    pub places: Vec<Place>,
+    pub places: Vec<LightPlace>,
     /// The renderer gave its variance: [`EstimateJob::given`].
     pub given: bool,
 }
@@ -240,7 +240,7 @@ impl<'a> EstimateJob<'a> {
     /// What is asked of each light that has noise.
     pub fn lights(&self) -> Vec<GatheredLight> {
         let asked = |(light, slot): (usize, &LightSlot)| {
-            let place = |m: &&PreparedFrame| Place::from(gather::Place::of(m, slot.light));
+            let place = |m: &&PreparedFrame| LightPlace::from(gather::Place::of(m, slot.light));
             GatheredLight {
                 wavelet: WaveletLight::new(light, slot, self.here(), &self.settings.wavelet),
                 first: self.here().slots[slot.light].first,
@@ -388,10 +388,10 @@ impl<'a> EstimateJob<'a> {
     /// The same on a chosen back end.
     pub fn on_backend(&self, backend: Backend) -> (Vec<OnCpu>, Vec<(Guide, Vec<u8>)>) {
         let (here, s, stages) = (self.here(), self.settings, stages_of(backend));
-        let gathered = stages.gather(self.window, self.centre, &s.gather);
-        let local = stages.feature_noise(&here.features);
+        let gathered = (stages.gather)(self.window, self.centre, &s.gather);
+        let local = (stages.feature_noise)(&here.features);
         let given: Vec<_> = gathered.slots.iter().map(|slot| here.given_variance(slot)).collect();
-        let pooled = stages.variance(&local, &gathered, &given, &s.variance, &s.wavelet);
+        let pooled = (stages.variance)(&local, &gathered, &given, &s.variance, &s.wavelet);
         let Gathered { slots, colours, moments } = gathered;
         let (w, pixels) = (here.features.size.width, here.features.size.pixels());
         let channel = |rows: &Rows, c: usize| (0..pixels).map(|i| rows.row(i / w, c)[i % w]).collect::<Vec<f32>>();

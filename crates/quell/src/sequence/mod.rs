@@ -41,7 +41,7 @@ pub use settings::{SEQUENCE_PARAMETERS, SequenceSettings};
 #[allow(unused_imports, reason = "without the feature `internals` few are used")]
 mod device {
     pub use super::accelerator::{AcceleratedWindow, Guide, WaveletJob, WaveletLight};
-    pub use super::estimate::{EstimateJob, FramePlane, GatheredLight, OnCpu, Place, WindowFrame};
+    pub use super::estimate::{EstimateJob, FramePlane, GatheredLight, LightPlace, OnCpu, WindowFrame};
     pub use crate::window::{Features, LightSlot, MotionPlanes, SurfacePoint};
 }
 #[cfg(feature = "internals")]

@@ -12,44 +12,24 @@ use crate::stages::reflection_motion::ReflectionMotion;
 use crate::stages::stabilise::StabiliseFrame;
 use crate::window::{Features, LightSlot, LocalFeatures, PreparedFrame, Rows};
 
-/// The stages of the sequence filter on one back end; arguments and results as those of the stages' `reference.rs`.
-pub(crate) trait SequenceStages: Sync {
-    fn reflection_motion(&self, previous: &Features, next: &Features, s: &Reflections) -> Option<ReflectionMotion>;
-    fn gather(&self, window: &[&PreparedFrame], centre: usize, s: &Gather) -> Gathered;
-    fn feature_noise(&self, features: &Features) -> LocalFeatures;
-    fn variance(
-        &self,
-        local: &LocalFeatures,
-        gathered: &Gathered,
-        given: &[Option<Plane<f32>>],
-        s: &Variance,
-        wavelet: &Wavelet,
-    ) -> Rows;
-    fn wavelet(&self, local: &LocalFeatures, slots: &[LightSlot], colours: Rows, variance: Rows, s: &Wavelet) -> Rows;
-    fn sum(&self, frame: &PreparedFrame, slots: &[LightSlot], colours: &Rows) -> Plane<Rgb>;
-    fn stabilise(
-        &self,
-        window: &[StabiliseFrame<'_>],
-        centre: usize,
-        gather: &Gather,
-        s: &Stabilise,
-    ) -> (Plane<Rgb>, Option<Plane<f32>>);
-    fn rescale(
-        &self,
-        frame: &PreparedFrame,
-        slots: &[LightSlot],
-        colours: &Rows,
-        before: &Plane<Rgb>,
-        after: &Plane<Rgb>,
-    ) -> Vec<Vec<Plane<Rgb>>>;
+/// The stages of the sequence filter on one back end: functions with the contracts of the stages' `reference.rs`.
+pub(crate) struct SequenceStages {
+    pub reflection_motion: fn(&Features, &Features, &Reflections) -> Option<ReflectionMotion>,
+    pub gather: fn(&[&PreparedFrame], usize, &Gather) -> Gathered,
+    pub feature_noise: fn(&Features) -> LocalFeatures,
+    pub variance: fn(&LocalFeatures, &Gathered, &[Option<Plane<f32>>], &Variance, &Wavelet) -> Rows,
+    pub wavelet: fn(&LocalFeatures, &[LightSlot], Rows, Rows, &Wavelet) -> Rows,
+    pub sum: fn(&PreparedFrame, &[LightSlot], &Rows) -> Plane<Rgb>,
+    pub stabilise: fn(&[StabiliseFrame<'_>], usize, &Gather, &Stabilise) -> (Plane<Rgb>, Option<Plane<f32>>),
+    pub rescale: fn(&PreparedFrame, &[LightSlot], &Rows, &Plane<Rgb>, &Plane<Rgb>) -> Vec<Vec<Plane<Rgb>>>,
 }
 
 /// The stages on a back end; without the feature `cpu` the reference's.
-pub(crate) fn stages_of(backend: Backend) -> &'static dyn SequenceStages {
+pub(crate) fn stages_of(backend: Backend) -> &'static SequenceStages {
     match backend {
         #[cfg(feature = "cpu")]
-        Backend::Cpu => &crate::cpu::sequence::Cpu,
-        _ => &crate::reference::sequence::Reference,
+        Backend::Cpu => &crate::cpu::sequence::STAGES,
+        _ => &crate::reference::sequence::STAGES,
     }
 }
 
@@ -66,7 +46,7 @@ pub(crate) struct Estimate {
 
 /// What the stages of one frame hand on to each other.
 struct Work<'w> {
-    stages: &'static dyn SequenceStages,
+    stages: &'static SequenceStages,
     window: &'w [&'w PreparedFrame],
     centre: usize,
     settings: &'w SequenceSettings,
@@ -82,7 +62,7 @@ struct Work<'w> {
 /// # Errors
 /// [`Error::Accelerator`].
 pub(crate) fn estimate(
-    stages: &'static dyn SequenceStages,
+    stages: &'static SequenceStages,
     plan: &SequencePlan,
     window: &[&PreparedFrame],
     centre: usize,
@@ -113,14 +93,14 @@ impl Work<'_> {
         let (frame, s) = (self.window[self.centre], self.settings);
         match (stage, &self.local) {
             (SequenceStage::Gather, _) => {
-                self.gathered = self.stages.gather(self.window, self.centre, &s.gather);
+                self.gathered = (self.stages.gather)(self.window, self.centre, &s.gather);
                 self.samples = most_samples(frame.features.size, &self.gathered.moments);
             }
-            (SequenceStage::FeatureNoise, _) => self.local = Some(self.stages.feature_noise(&frame.features)),
+            (SequenceStage::FeatureNoise, _) => self.local = Some((self.stages.feature_noise)(&frame.features)),
             (SequenceStage::Variance, Some(local)) => {
                 let slots = &self.gathered.slots;
                 let given: Vec<_> = slots.iter().map(|slot| frame.given_variance(slot)).collect();
-                self.variance = self.stages.variance(local, &self.gathered, &given, &s.variance, &s.wavelet);
+                self.variance = (self.stages.variance)(local, &self.gathered, &given, &s.variance, &s.wavelet);
                 self.gathered.moments = Rows::empty();
             }
             (SequenceStage::Wavelet, Some(local)) => {
@@ -128,7 +108,7 @@ impl Work<'_> {
                 let variance = std::mem::replace(&mut self.variance, Rows::empty());
                 let slots = &self.gathered.slots;
                 self.gathered.colours = match accelerator {
-                    None => self.stages.wavelet(local, slots, colours, variance, &s.wavelet),
+                    None => (self.stages.wavelet)(local, slots, colours, variance, &s.wavelet),
                     Some(accelerator) => WaveletJob::new(frame, local, slots, &colours, &variance, &s.wavelet)
                         .and_then(|mut job| accelerator.wavelet(&mut job).map(|()| job.filtered()))
                         .map_err(|reason| accelerator::failed(accelerator, reason))?,
@@ -136,7 +116,7 @@ impl Work<'_> {
                 self.local = None;
             }
             (SequenceStage::Sum, _) => {
-                self.picture = self.stages.sum(frame, &self.gathered.slots, &self.gathered.colours);
+                self.picture = (self.stages.sum)(frame, &self.gathered.slots, &self.gathered.colours);
             }
             _ => {} // of pairs of frames, or done by `finish`
         }
@@ -146,7 +126,7 @@ impl Work<'_> {
 
 /// Finds what a pair of neighbouring frames shows, where the plan says so: the motion of what mirrors show.
 pub(crate) fn link(
-    stages: &dyn SequenceStages,
+    stages: &SequenceStages,
     plan: &SequencePlan,
     previous: &mut Features,
     next: &mut Features,
@@ -154,7 +134,7 @@ pub(crate) fn link(
 ) {
     for stage in plan.stages() {
         if stage == SequenceStage::ReflectionMotion
-            && let Some(found) = stages.reflection_motion(previous, next, &s.reflections)
+            && let Some(found) = (stages.reflection_motion)(previous, next, &s.reflections)
         {
             previous.motion.reflection_to_next = found.to_next;
             next.motion.reflection_to_previous = found.to_previous;
@@ -170,7 +150,7 @@ pub(crate) struct Finished {
 
 /// Runs the plan's stages after [`SequenceStage::Sum`] for `frames[centre]`.
 pub(crate) fn finish(
-    stages: &dyn SequenceStages,
+    stages: &SequenceStages,
     plan: &SequencePlan,
     frames: &[(&PreparedFrame, &Estimate)],
     centre: usize,
@@ -190,12 +170,12 @@ pub(crate) fn finish(
                         alpha: frame.alpha.as_ref(),
                     })
                     .collect();
-                let (picture, alpha) = stages.stabilise(&window, centre, &s.gather, &s.stabilise);
+                let (picture, alpha) = (stages.stabilise)(&window, centre, &s.gather, &s.stabilise);
                 (steady, finished.alpha) = (Some(picture), alpha);
             }
             SequenceStage::Rescale => {
                 let after = steady.as_ref().unwrap_or(&estimate.picture);
-                finished.passes = stages.rescale(frame, &estimate.slots, &estimate.colours, &estimate.picture, after);
+                finished.passes = (stages.rescale)(frame, &estimate.slots, &estimate.colours, &estimate.picture, after);
             }
             _ => {} // of pairs of frames, or done by `estimate`
         }

@@ -81,16 +81,16 @@ fn run(backend: Backend, count: i64) -> (Plane<Rgb>, Plane<Rgb>) {
                 gathered.moments.set(x, y, 2 * l + 1, 1.0);
             }
         }
-        let local = stages.feature_noise(&features);
-        let spread = stages.variance(&local, &gathered, &[], &variance, &wavelet);
-        let filtered = stages.wavelet(&local, &gathered.slots, gathered.colours, spread, &wavelet);
+        let local = (stages.feature_noise)(&features);
+        let spread = (stages.variance)(&local, &gathered, &[], &variance, &wavelet);
+        let filtered = (stages.wavelet)(&local, &gathered.slots, gathered.colours, spread, &wavelet);
         let sum = |x, y| [0, 1, 2].map(|c| filtered.at(x, y, c) + filtered.at(x, y, 3 + c));
         past.push((features, Plane::from_fn(SIZE, sum)));
     }
     let window: Vec<_> =
         past.iter().map(|(features, picture)| StabiliseFrame { features, picture, alpha: None }).collect();
     let causal = Gather { future: false, ..Gather::default() };
-    let (picture, _) = stages.stabilise(&window, window.len() - 1, &causal, &Stabilise::default());
+    let (picture, _) = (stages.stabilise)(&window, window.len() - 1, &causal, &Stabilise::default());
     (picture, raw)
 }
 

@@ -950,8 +950,8 @@ fn bad_values_are_repaired_counted_and_never_shown() {
         add_pass(&mut f, "q", Signal::Glossy, |_, _, v| v.map(|v| 0.5 * v));
         f
     };
-    // Before, the bad one, and what history kept of it.
-    let frames: Vec<_> = (0..3).map(prepared).collect();
+    // Before, the bad one, and two that show what history kept of it.
+    let frames: Vec<_> = (0..4).map(prepared).collect();
     let mut clipped = paper();
     clipped.matte_temporal.clip = Clip::Sigma;
     clipped.glossy_temporal.clip = Clip::Box;

@@ -108,7 +108,7 @@ struct Out<'a> {
 
 /// Lanes of one phase of one row.
 #[derive(Clone, Copy)]
-struct Place {
+struct PixelRun {
     /// Row of the image, and of the band.
     y: usize,
     k: usize,
@@ -165,10 +165,10 @@ impl Scratch {
 
     /// Finds where the surfaces, or what they mirror, were; fills `lookup` and `footprint`.
     #[inline(always)]
-    fn look_up(&mut self, filter: &Filter<'_>, mirrors: bool, at: Place, out: &mut Out<'_>) {
+    fn look_up(&mut self, filter: &Filter<'_>, mirrors: bool, at: PixelRun, out: &mut Out<'_>) {
         let Self { expected, footprint, lookup, surfaces, .. } = self;
         let (guides, settings) = (filter.guides, filter.settings);
-        let Place { y, k, phase, first, n, begin } = at;
+        let PixelRun { y, k, phase, first, n, begin } = at;
         let width = guides.phases.size.width;
         let x = PERIOD * first + phase;
         let found = filter.seen.map(|seen| &seen[y * width + begin..][..n]).filter(|_| mirrors);
@@ -211,10 +211,10 @@ impl Scratch {
         weights: &Blend,
         (current, history): (&Colours, Remembered<'_>),
         width: usize,
-        at: Place,
+        at: PixelRun,
         out: &mut Out<'_>,
     ) {
-        let Place { y, k, phase, n, begin, .. } = at;
+        let PixelRun { y, k, phase, n, begin, .. } = at;
         let (now, stride, radius) = (current.row(width, y), current.stride(width), weights.clip_radius as usize);
         let found = (&self.footprint, &self.lookup);
         load(now, width, 0, begin, n, &mut self.beauty_now);
@@ -286,7 +286,7 @@ fn band(
                 }
                 let n = LANES.min(count - first);
                 let begin = phases.range(phase).start + first;
-                let at = Place { y, k, phase, first, n, begin };
+                let at = PixelRun { y, k, phase, first, n, begin };
                 scratch.look_up(filter, mirrors, at, out);
                 let Scratch { footprint, lookup, expected, shares, old_length, .. } = &mut scratch;
                 fetch_scalar(history.length, width, (&*footprint, &*lookup), old_length);

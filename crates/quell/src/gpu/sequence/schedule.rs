@@ -10,7 +10,7 @@ use crate::gpu::kernel::Bindable;
 use crate::gpu::small::filled;
 use crate::gpu::uniform::Value;
 use crate::plane::Size;
-use crate::sequence::{EstimateJob, FramePlane, GatheredLight, Guide, Place};
+use crate::sequence::{EstimateJob, FramePlane, GatheredLight, Guide, LightPlace};
 use glam::{UVec4, Vec4};
 use std::collections::BTreeMap;
 
@@ -219,9 +219,9 @@ impl<'w> Stages<'w> {
                 (frame.repeats_noise, HAS_REPEATED_NOISE),
             ];
             let at = |k: usize| match planes.get(k).and_then(|(light, _)| light.places.get(place)) {
-                Some(Place::Black) => PLANE_BLACK,
-                Some(Place::At) => PLANE_THERE,
-                Some(Place::Unknown) | None => PLANE_UNKNOWN,
+                Some(LightPlace::Black) => PLANE_BLACK,
+                Some(LightPlace::At) => PLANE_THERE,
+                Some(LightPlace::Unknown) | None => PLANE_UNKNOWN,
             };
             let member = FrameOfWindow {
                 layer: layer(frame.number, self.layers) as i32,

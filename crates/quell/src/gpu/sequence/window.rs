@@ -13,7 +13,7 @@ use crate::gpu::error::Error;
 use crate::gpu::kernel::workgroups;
 use crate::gpu::small::filled;
 use crate::plane::Size;
-use crate::sequence::{EstimateJob, FramePlane, GatheredLight, Place};
+use crate::sequence::{EstimateJob, FramePlane, GatheredLight, LightPlace};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
@@ -266,7 +266,7 @@ fn needed(job: &EstimateJob<'_>, place: usize) -> Vec<FramePlane> {
     if frame.has_seen {
         planes.extend([FramePlane::SeenColour, FramePlane::SeenNormal]);
     }
-    for light in job.lights().iter().filter(|light| light.places.get(place) == Some(&Place::At)) {
+    for light in job.lights().iter().filter(|light| light.places.get(place) == Some(&LightPlace::At)) {
         planes.extend((light.first..light.first + light.wavelet.planes).map(FramePlane::Samples));
     }
     planes
