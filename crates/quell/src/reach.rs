@@ -9,11 +9,13 @@ pub struct Reach {
     pub frames: u32,
     /// Rows read around the place where motion leads in those frames.
     pub footprint: usize,
+    /// It runs on whole pictures, before bands of rows are cut: no band needs rows for it.
+    pub whole_picture: bool,
 }
 
 impl Reach {
     /// The pixel alone.
-    pub const NONE: Self = Self { pixels: [0; 2], frames: 0, footprint: 0 };
+    pub const NONE: Self = Self { pixels: [0; 2], frames: 0, footprint: 0, whole_picture: false };
 
     /// As many pixels each way, within the frame.
     pub const fn around(pixels: usize) -> Self {
@@ -30,6 +32,9 @@ impl Reach {
 impl std::fmt::Display for Reach {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         let counted = |n: usize, what: &str| format!("{n} {what}{}", if n == 1 { "" } else { "s" });
+        if self.whole_picture {
+            return f.write_str("the whole picture");
+        }
         let pixels = match self.pixels {
             [0, 0] => None,
             [x, y] if x == y => Some(counted(x, "pixel")),

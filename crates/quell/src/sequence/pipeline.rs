@@ -5,7 +5,7 @@
 
 use super::settings::SequenceSettings;
 use crate::reach::{Reach, listing};
-use crate::stages::{feature_noise, gather, recombine, stabilise, variance, wavelet};
+use crate::stages::{feature_noise, gather, recombine, reflection_motion, stabilise, variance, wavelet};
 
 /// One stage of the sequence filter; its folder in `stages/` has its name, but for the two halves of `recombine`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
@@ -88,8 +88,7 @@ impl SequenceStage {
     /// How far it looks.
     pub fn reach(self, s: &SequenceSettings) -> Reach {
         match self {
-            // Done in the whole picture, before bands are cut.
-            Self::ReflectionMotion => Reach::NONE,
+            Self::ReflectionMotion => reflection_motion::reach(),
             Self::Gather => gather::reach(&s.gather),
             Self::FeatureNoise => feature_noise::reach(),
             Self::Variance => variance::reach(&s.variance),

@@ -19,6 +19,7 @@ pub(crate) mod cpu;
 pub mod reference;
 
 use crate::plane::Plane;
+use crate::reach::Reach;
 
 /// Motion of reflections between two neighbouring frames, in pixels.
 #[derive(Clone, Debug, PartialEq)]
@@ -27,4 +28,9 @@ pub struct ReflectionMotion {
     pub to_previous: Option<Plane<[f32; 2]>>,
     /// From the earlier frame to the later.
     pub to_next: Option<Plane<[f32; 2]>>,
+}
+
+/// How far the stage looks.
+pub(crate) fn reach() -> Reach {
+    Reach { whole_picture: true, ..Reach::NONE }
 }
