@@ -269,7 +269,7 @@ impl SequenceDenoiser {
                 }
             }
         }
-        run::estimate(*stages, plan, &window, i - from, s, accelerator.as_deref())
+        run::estimate(stages, plan, &window, i - from, s, accelerator.as_deref())
     }
 
     fn result(&self, t: usize, from: usize, to: usize) -> Option<Filtered> {

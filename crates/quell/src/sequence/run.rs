@@ -12,16 +12,26 @@ use crate::stages::reflection_motion::ReflectionMotion;
 use crate::stages::stabilise::StabiliseFrame;
 use crate::window::{Features, LightSlot, LocalFeatures, PreparedFrame, Rows};
 
+/// Of each light the variance that the renderer gave, NaN where it is unknown.
+pub(crate) type GivenVariance = [Option<Plane<f32>>];
+/// A picture and its coverage, where it has one.
+pub(crate) type SteadyPicture = (Plane<Rgb>, Option<Plane<f32>>);
+/// Of each light of a frame its colour planes.
+pub(crate) type Passes = Vec<Vec<Plane<Rgb>>>;
+
+/// Arguments and result of `recombine`'s `rescale`.
+type Rescale = fn(&PreparedFrame, &[LightSlot], &Rows, &Plane<Rgb>, &Plane<Rgb>) -> Passes;
+
 /// The stages of the sequence filter on one back end: functions with the contracts of the stages' `reference.rs`.
 pub(crate) struct SequenceStages {
     pub reflection_motion: fn(&Features, &Features, &Reflections) -> Option<ReflectionMotion>,
     pub gather: fn(&[&PreparedFrame], usize, &Gather) -> Gathered,
     pub feature_noise: fn(&Features) -> LocalFeatures,
-    pub variance: fn(&LocalFeatures, &Gathered, &[Option<Plane<f32>>], &Variance, &Wavelet) -> Rows,
+    pub variance: fn(&LocalFeatures, &Gathered, &GivenVariance, &Variance, &Wavelet) -> Rows,
     pub wavelet: fn(&LocalFeatures, &[LightSlot], Rows, Rows, &Wavelet) -> Rows,
     pub sum: fn(&PreparedFrame, &[LightSlot], &Rows) -> Plane<Rgb>,
-    pub stabilise: fn(&[StabiliseFrame<'_>], usize, &Gather, &Stabilise) -> (Plane<Rgb>, Option<Plane<f32>>),
-    pub rescale: fn(&PreparedFrame, &[LightSlot], &Rows, &Plane<Rgb>, &Plane<Rgb>) -> Vec<Vec<Plane<Rgb>>>,
+    pub stabilise: fn(&[StabiliseFrame<'_>], usize, &Gather, &Stabilise) -> SteadyPicture,
+    pub rescale: Rescale,
 }
 
 /// The stages on a back end; without the feature `cpu` the reference's.
@@ -144,7 +154,7 @@ pub(crate) fn link(
 
 /// What comes out of a frame: its passes, without weights, and its coverage.
 pub(crate) struct Finished {
-    pub passes: Vec<Vec<Plane<Rgb>>>,
+    pub passes: Passes,
     pub alpha: Option<Plane<f32>>,
 }
 
