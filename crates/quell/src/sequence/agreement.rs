@@ -90,8 +90,8 @@ fn check(stage: &str, mut run: impl FnMut(&SequenceStages) -> Output) -> Output 
         };
         let scaled = planted(&|v| v.iter_mut().for_each(|v| *v = *v * 1.01 + 1e-6));
         let shifted = planted(&|v| v.rotate_right(1));
-        let one_lost = planted(&|v| v.iter_mut().for_each(|v| *v = if *v == v.floor() { *v + 0.5 } else { f32::NAN }));
-        for (what, changed) in [("scaled", scaled), ("shifted", shifted), ("spoilt", one_lost)] {
+        let spoilt = planted(&|v| v.iter_mut().for_each(|v| *v = if *v == v.floor() { *v + 0.5 } else { f32::NAN }));
+        for (what, changed) in [("scaled", scaled), ("shifted", shifted), ("spoilt", spoilt)] {
             let constant = cpu[k].1.windows(2).all(|pair| pair[0] == pair[1]);
             if what == "shifted" && constant {
                 continue;

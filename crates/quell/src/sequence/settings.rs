@@ -27,7 +27,7 @@ parameters! {
         patch: u32 = 3, 1..=8, "pixels", "Half the side of the compared patches.",
             higher "Surer matches, edges of motion blur.", lower "Noisier matches.", source "ours";
         most_difference: f32 = 0.25, 1e-4..=64.0, "squared, colour and normal", "The most that one pixel of a patch may differ by: edges of what is seen cover and uncover.",
-            higher "One edge decides a patch.", lower "Patches tell less.", source "ours";
+            higher "One edge decides a patch.", lower "What differs counts little: false matches.", source "ours";
         departure: f32 = 2e-5, 0.0..=1.0, "per squared pixel", "What a pixel of departure from the surface's motion costs.",
             higher "The surface's motion stays.", lower "Textureless reflections move at random.", source "ours";
         surface_bonus: f32 = 0.7, 0.0..=1.0, "of its cost", "Another motion than the surface's must be better by this factor.",

@@ -1,5 +1,5 @@
 //! Stages of the sequence filter in a causal pipeline over the real-time contract: variance, wavelet and stabilise filter
-//! [`Frame`]s as they come, on the CPU and as reference. They are stages of the house, not of one filter.
+//! [`Frame`]s as they come, on the CPU and as reference. A stage knows no filter: a preset of the real-time filter can take them.
 
 use crate::camera::Camera;
 use crate::denoiser::Backend;
