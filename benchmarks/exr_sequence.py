@@ -61,12 +61,12 @@ def beauty(path, name=None):
     raise SystemExit(f"{path}: no pass {name or 'Combined, nor R, G, B'}")
 
 
-def write(path, passes):
-    """One part, ZIP, half floats; `passes` as `read` gives them, of three or four components, `Combined` among them."""
+def write(path, passes, half=True):
+    """One part, ZIP; `passes` as `read` gives them, of three or four components, `Combined` among them."""
     channels = {}
     for key, pixels in passes.items():
         for i, component in enumerate("RGBA"[: pixels.shape[-1]]):
             name = f"ViewLayer.{key}.{component}" if key else component
-            channels[name] = np.clip(pixels[..., i], -65504, 65504).astype(np.float16)
+            channels[name] = np.clip(pixels[..., i], -65504, 65504).astype(np.float16 if half else np.float32)
     header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
     OpenEXR.File(header, channels).write(path)

@@ -9,13 +9,13 @@ from mathutils import Euler, Vector
 
 
 # ---- materials: a base colour is an RGB triple, or a function from a node tree to a colour socket
-def material(name, build):
+def material(name, build, socket="Surface"):
     mat = bpy.data.materials.new(name)
     mat.use_nodes = True
     tree = mat.node_tree
     tree.nodes.clear()
     output = tree.nodes.new("ShaderNodeOutputMaterial")
-    tree.links.new(build(tree), output.inputs["Surface"])
+    tree.links.new(build(tree), output.inputs[socket])
     return mat
 
 
@@ -279,6 +279,35 @@ def animate(found, frames, place):
         found.location, found.rotation_euler = place(t)
         found.keyframe_insert("location", frame=1 + t)
         found.keyframe_insert("rotation_euler", frame=1 + t)
+
+
+def key_every_frame(frames, value, owner, path):
+    """A key at every frame and two beyond each end, so that nothing is blended at whole frames: `value(t)`, t = 0 at the first."""
+    for t in range(-2, frames + 2):
+        setattr(owner, path, value(t))
+        owner.keyframe_insert(path, frame=1 + t)
+
+
+def deform(found, frames, shape):
+    """Moves the points of a mesh by shape keys, one a frame, which Cycles follows in its vectors: `shape(t)` gives all points."""
+    found.shape_key_add(name="basis")
+    for t in range(-2, frames + 2):
+        block = found.shape_key_add(name=f"t{t}", from_mix=False)
+        block.data.foreach_set("co", [c for p in shape(t) for c in p])
+        for near in (t - 1, t, t + 1):
+            block.value = 1.0 if near == t else 0.0
+            block.keyframe_insert("value", frame=1 + near)
+    for curve in curves_of(found.data.shape_keys):
+        for key in curve.keyframe_points:
+            key.interpolation = "LINEAR"
+
+
+def curves_of(owner):
+    """The animation curves of `owner`; Blender 5 keeps them in layers."""
+    data = owner.animation_data
+    if hasattr(data.action, "fcurves"):
+        return list(data.action.fcurves)
+    return [c for layer in data.action.layers for strip in layer.strips for c in strip.channelbag(data.action_slot).fcurves]
 
 
 def camera(lens):

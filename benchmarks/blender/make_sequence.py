@@ -23,7 +23,7 @@ import time
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 import bpy
 
-SCENES = ("workshop", "yard")
+SCENES = ("workshop", "yard", "night", "harbour", "kitchen")
 
 
 def numbers(text):
@@ -73,6 +73,8 @@ def main():
     ap.add_argument("--spp", type=int, help="samples; references have 256")
     ap.add_argument("--size", default="320x180")
     ap.add_argument("--seed", type=int, help="one seed for all frames (by default it follows the frame)")
+    ap.add_argument("--piece", type=int, default=1, help="which of several independent references: its seeds are PIECE * 100000 + frame")
+    ap.add_argument("--threads", type=int, help="threads of Cycles; all by default")
     a = ap.parse_args()
 
     bpy.ops.wm.read_factory_settings(use_empty=True)
@@ -90,10 +92,14 @@ def main():
     render.resolution_percentage, render.fps = 100, 24
     render.use_motion_blur = render.use_compositing = render.use_sequencer = False
     render.use_persistent_data = True
+    if a.threads:
+        render.threads_mode, render.threads = "FIXED", a.threads
     cycles.use_adaptive_sampling = cycles.use_denoising = False
-    cycles.samples = a.spp or (256 if a.kind == "reference" else {"workshop": 2, "yard": 4}[a.scene])
+    cycles.samples = a.spp or (256 if a.kind == "reference" else 2 if a.scene == "workshop" else 4)
     if a.scene == "workshop":
         as_hall(cycles)
+    if hasattr(module, "settings"):
+        module.settings(cycles)
     passes(scene.view_layers[0])
     output(render)
 
@@ -103,7 +109,7 @@ def main():
         if os.path.exists(path):
             continue
         scene.frame_set(frame)
-        cycles.seed = a.seed if a.seed is not None else frame + (100000 if a.kind == "reference" else 0)
+        cycles.seed = a.seed if a.seed is not None else frame + (100000 * a.piece if a.kind == "reference" else 0)
         render.filepath = path + ".part.exr"
         begin = time.time()
         bpy.ops.render.render(write_still=True)
