@@ -4,7 +4,7 @@
 
 Needs `pip install bpy==5.0.1 OpenEXR numpy` (Python 3.11), for the scene `mitsuba` also `mitsuba==3.9.1`. What exists is left
 alone, so an interrupted run goes on, and a finished one does nothing. One renderer runs at a time. The order is such that
-the run can be used early: for each scene 4 and 64 samples and a first reference, then 16 and 256, then more reference.
+the run can be used early: for each scene 4, 16 and 64 samples and a first reference, then 256, then more reference.
 
     DATA/SCENE/noisy_SPP/SCENE.####.exr      all passes
     DATA/SCENE/pieces/SPP-K/SCENE.####.exr   independent references of SPP samples, seeds K * 100000 + frame
@@ -41,16 +41,16 @@ def jobs(scenes):
     level = lambda scene, spp, first, last: (scene, f"noisy_{spp}", spp, None, range(first, last + 1))
     pieces = lambda scene, some: [(scene, f"pieces/{spp}-{k}", spp, k, range(scored(scene)[0], scored(scene)[1] + 1)) for spp, k in some]
     for scene in scenes:
-        yield level(scene, 4, 1, last_frame(scene))
-        yield level(scene, 64, 1, last_frame(scene))
+        for spp in (4, 16, 64):
+            yield level(scene, spp, 1, last_frame(scene))
         yield from pieces(scene, FIRST_PIECES)
     for scene in scenes:
         first, last = scored(scene)
-        yield level(scene, 16, 1, last_frame(scene))
         # the dearest level: two frames more on either side than are scored
         yield level(scene, 256, max(first - 2, 1), min(last + 2, last_frame(scene)))
+        yield from pieces(scene, MORE_PIECES[:1])
     for scene in scenes:
-        yield from pieces(scene, MORE_PIECES)
+        yield from pieces(scene, MORE_PIECES[1:])
 
 
 def missing(data, job):
