@@ -39,8 +39,8 @@ pub struct DenoiseArgs {
     /// First frames of new shots [default: found from the pictures, and printed]
     #[arg(long, value_name = "LIST", allow_hyphen_values = true)]
     pub cuts: Option<Cuts>,
-    /// all (the passes still add up), beauty (light passes go through as they are), or a list of roles or pass names such as
-    /// beauty,diffuse_direct: the others go through as they are
+    /// all, beauty (light passes go through as they are and do not add up to it), or a list of roles or pass names such as
+    /// diffuse_indirect,glossy_indirect: the others go through as they are, and the beauty is the sum of what is written
     #[arg(long, value_name = "all|beauty|LIST", default_value = "all")]
     pub passes: Passes,
     /// Only this view layer [default: every one, each from its own guides]

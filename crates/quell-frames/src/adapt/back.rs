@@ -4,7 +4,7 @@ use super::lights::{NO_GROUP, REST};
 use super::planes::{colour, one, scatter};
 use super::{Adapter, Error};
 use crate::image::ExrImage;
-use crate::roles::{Mapped, Mapping, Role};
+use crate::roles::{ChannelId, Mapped, Mapping, Role};
 use quell::sequence::{Light, SequenceFrame};
 use quell::{Plane, Rgb};
 use rayon::prelude::*;
@@ -25,6 +25,9 @@ pub struct WriteBack {
 impl Adapter {
     /// Replaces every filtered pass in `images`, and the beauty by their sum *as stored*: what is written adds up
     /// within the rounding of the beauty alone. Everything else stays as it is.
+    ///
+    /// Where passes were chosen, the beauty holds the others as the file has them, so that it is still the sum; without
+    /// a light pass among the chosen ones it is filtered whole.
     ///
     /// `lights` are the filtered planes without weight, in the order of `frame.lights`; `alpha` the filtered coverage,
     /// where it is to be written. The images need no samples.
@@ -51,12 +54,17 @@ impl Adapter {
         }
         let mut report = WriteBack::default();
         let mut beauty = Plane::filled(size, [0.0; 3]);
-        let written = |pass: &&Mapped| self.written.as_ref().is_none_or(|names| names.contains(&pass.name));
+        let summed = self.sums_what_is_written();
         for (light, plane) in frame.lights.iter().zip(lights).filter(|(light, _)| light.in_beauty) {
             let pass = self.mapping.passes.iter().find(|p| p.role.light().is_some() && p.name == light.name);
-            match pass.filter(|_| self.rule.factored && light.name != REST).filter(written) {
-                // The rest, a beauty that could not be divided into lights, or a pass that stays as it came.
+            match pass.filter(|_| self.rule.factored && light.name != REST) {
+                // The rest, or a beauty that could not be divided into lights.
                 None => add(&mut beauty, plane, light.weight.as_deref()),
+                Some(pass) if !self.writes(pass) && !summed => add(&mut beauty, plane, light.weight.as_deref()),
+                Some(pass) if !self.writes(pass) => {
+                    let kept = self.as_it_came(images, pass)?;
+                    add(&mut beauty, &kept, light.weight.as_deref().filter(|_| !self.rule.colour_inside));
+                }
                 Some(pass) if self.rule.colour_inside => {
                     let mut stored = product(plane, light);
                     report.clamped_to_half += scatter(images, pass, self.canvas, &mut stored)?;
@@ -72,7 +80,7 @@ impl Adapter {
             }
         }
         self.groups(images, frame, lights, &beauty, &mut report)?;
-        for pass in self.mapping.all(Role::Beauty).filter(written) {
+        for pass in self.mapping.all(Role::Beauty).filter(|pass| summed || self.writes(pass)) {
             let mut stored = beauty.clone();
             report.clamped_to_half += scatter(images, pass, self.canvas, &mut stored)?;
             report.filtered.push(pass.name.clone());
@@ -84,6 +92,69 @@ impl Adapter {
             }
         }
         Ok(report)
+    }
+
+    /// True for a pass that is written filtered.
+    fn writes(&self, pass: &Mapped) -> bool {
+        self.written.as_ref().is_none_or(|names| names.contains(&pass.name))
+    }
+
+    /// True where light passes are written filtered: then the beauty is the sum of what is written.
+    fn sums_what_is_written(&self) -> bool {
+        self.rule.factored && self.mapping.passes.iter().any(|pass| pass.role.light().is_some() && self.writes(pass))
+    }
+
+    /// A pass as the file holds it, read again where that is needed: frames wait without their samples.
+    fn as_it_came(&self, images: &mut [ExrImage], pass: &Mapped) -> Result<Plane<Rgb>, Error> {
+        for (file, image) in images.iter_mut().enumerate() {
+            let holds = |id: &&ChannelId| id.file == file;
+            image.load(|part, channel| {
+                let at = part.channels().iter().position(|c| std::ptr::eq(c, channel));
+                let mut ids = pass.channels.iter().filter(holds);
+                ids.any(|id| id.part == part.index() && Some(id.channel) == at)
+            })?;
+        }
+        let mut plane = colour(images, pass, self.canvas)?;
+        // As everywhere, what is no number counts as black.
+        plane.data_mut().iter_mut().flatten().filter(|v| !v.is_finite()).for_each(|v| *v = 0.0);
+        Ok(plane)
+    }
+
+    /// What a choice of passes does to those that are not chosen, for the user; nothing where all are.
+    pub(super) fn says_of_chosen(&self) -> Vec<String> {
+        let Some(names) = &self.written else { return Vec::new() };
+        let listed = |passes: Vec<&Mapped>| {
+            let names = passes.iter().map(|p| if p.name.is_empty() { "R, G, B" } else { p.name.as_str() });
+            names.collect::<Vec<_>>().join(", ")
+        };
+        let stay = |light: &dyn Fn(&Mapped) -> bool| -> Vec<&Mapped> {
+            self.mapping.passes.iter().filter(|pass| light(pass) && !self.writes(pass)).collect()
+        };
+        let lights = stay(&|pass| pass.role.light().is_some());
+        let mut said = Vec::new();
+        let chosen = names.iter().map(String::as_str).collect::<Vec<_>>().join(", ");
+        if self.sums_what_is_written() {
+            if !lights.is_empty() {
+                said.push(format!(
+                    "only these passes are filtered: {chosen}; the beauty is the sum of what is written and keeps the noise \
+                     of {}",
+                    listed(lights)
+                ));
+            }
+        } else if !lights.is_empty() {
+            said.push(format!(
+                "no light pass is filtered, only: {chosen}; the others stay as they came, so that they do not add up to \
+                 the filtered beauty"
+            ));
+        }
+        let groups = stay(&|pass| pass.role == Role::LightGroup);
+        if !groups.is_empty() {
+            said.push(format!(
+                "these light groups stay as they came and do not add up to the beauty: {}",
+                listed(groups)
+            ));
+        }
+        said
     }
 
     /// Groups mix lobes: each is filtered, and all are scaled in each pixel to the filtered beauty.
@@ -108,7 +179,7 @@ impl Adapter {
         }
         let passes: Vec<&Mapped> = self.mapping.all(Role::LightGroup).collect();
         for (light, mut plane) in groups {
-            let kept = |pass: &&&Mapped| self.written.as_ref().is_none_or(|names| names.contains(&pass.name));
+            let kept = |pass: &&&Mapped| self.writes(pass);
             let Some(pass) = passes.iter().filter(kept).find(|pass| pass.name == light.name && light.name != NO_GROUP)
             else {
                 continue;

@@ -47,7 +47,8 @@ pub struct AdaptOptions {
     pub motion: MotionChoice,
     /// Only the beauty is filtered and written; light passes go through untouched.
     pub beauty_only: bool,
-    /// Passes that are written filtered, by role or name; the others go through untouched. Absent: all.
+    /// Passes that are written filtered, by role or name; the others go through untouched, and the beauty becomes the sum
+    /// of what is written. Absent: all.
     pub passes: Option<Vec<String>>,
 }
 
@@ -124,10 +125,6 @@ impl Adapter {
         if let Some(chosen) = &written {
             let names = chosen.iter().map(String::as_str).collect::<Vec<_>>().join(", ");
             notes.push(format!("filtered and written: {names}"));
-            warnings.push(format!(
-                "only these passes are written filtered: {names}; the others stay as they came, so that the passes no \
-                 longer add up to the beauty"
-            ));
         }
         if let Some(kind) = guides::depth_kind(&mapping, canvas, first)?
             && kind != mapping.renderer.depth
@@ -140,6 +137,7 @@ impl Adapter {
         let cameras = guides::has_cameras(&mapping, canvas, first);
         let mut adapter =
             Self { mapping, canvas, display, rule, vectors: None, guides, cameras, written, notes, warnings };
+        adapter.warnings.extend(adapter.says_of_chosen());
         adapter.vectors = adapter.find_vectors(&path, first, second, &options.motion)?;
         if adapter.vectors.is_none() && !adapter.cameras {
             adapter.warnings.push(

@@ -167,6 +167,80 @@ fn filtered_passes_add_up_to_the_written_beauty_in_every_layout() {
     }
 }
 
+/// Lists of `--passes` for a file: all lights but emission, one light alone, emission alone, with the beauty and without.
+fn lists(mapping: &quell_frames::Mapping) -> Vec<Vec<String>> {
+    let lights: Vec<(Role, String)> =
+        (mapping.passes.iter()).filter(|p| p.role.light().is_some()).map(|p| (p.role, p.name.clone())).collect();
+    let some = |wanted: &dyn Fn(Role) -> bool| -> Vec<String> {
+        lights.iter().filter(|(role, _)| wanted(*role)).map(|(_, name)| name.clone()).collect()
+    };
+    let without_emission = some(&|role| role != Role::Emission);
+    let with_beauty = [vec!["beauty".to_owned()], without_emission.clone()].concat();
+    vec![without_emission, with_beauty, vec![lights[0].1.clone()], some(&|role| role == Role::Emission)]
+}
+
+#[test]
+fn chosen_passes_and_those_that_stay_add_up_to_the_written_beauty() {
+    let Some(frames) = shared_frames() else { return };
+    let folder = Folder::new("chosen");
+    let (mut tried, mut seen) = (0, 0);
+    for path in [
+        frames.join("exr_aov/blender50_interleaved_half_piz.exr"),
+        frames.join("exr_aov/blender50_multipart_float_zip.exr"),
+        frames.join("exr_aov/arnold_names_tiled_autocrop_zip.exr"),
+        hall(&frames, 3),
+    ] {
+        let file = path.file_name().unwrap().to_string_lossy().into_owned();
+        let write = |passes: Option<Vec<String>>| {
+            let (mut images, mapping) = open(&path);
+            let options = AdaptOptions { passes, ..AdaptOptions::default() };
+            let adapter = Adapter::new(mapping, images[0].full_window(), &images, None, &options).unwrap();
+            let frame = adapter.frame(5, &images, &mut Links::default()).unwrap().frame;
+            // As frames wait in a job.
+            images.iter_mut().for_each(ExrImage::forget);
+            let report = adapter.write_back(&mut images, &frame, &filtered(&frame), None).unwrap();
+            let out = folder.file(&file);
+            let overwrite = ImageWriteOptions { overwrite: true };
+            images[0].write(&out, &overwrite).unwrap();
+            (adapter, read_image(&out).unwrap(), report)
+        };
+        let (whole, all, _) = write(None);
+        if !whole.rule().complete {
+            continue;
+        }
+        let before = read_image(&path).unwrap();
+        for list in lists(whole.mapping()).into_iter().filter(|list| !list.is_empty()) {
+            tried += 1;
+            let (adapter, after, report) = write(Some(list.clone()));
+            let worst = off(&adapter, std::slice::from_ref(&after));
+            assert!(worst <= 1.01, "{file} {list:?}: {worst} half roundings");
+            for pass in adapter.mapping().passes.iter().filter(|p| p.role.light().is_some()) {
+                let chosen = list.contains(&pass.name);
+                assert_eq!(report.filtered.contains(&pass.name), chosen, "{file} {list:?} {}", pass.name);
+                let same = |id: &quell_frames::roles::ChannelId| {
+                    after.samples(id.part, id.channel) == before.samples(id.part, id.channel)
+                };
+                assert!(chosen || pass.channels.iter().all(same), "{file} {list:?}: {} changed", pass.name);
+            }
+            let warned = adapter.warnings().iter().any(|w| w.contains("keeps the noise of"));
+            assert!(warned, "{file} {list:?} {:?}", adapter.warnings());
+            // Canary: the beauty of all passes filtered is not the sum of these.
+            let mut wrong = after.clone();
+            for id in &adapter.mapping().get(Role::Beauty).unwrap().channels {
+                wrong.replace(id.part, id.channel, all.samples(id.part, id.channel).unwrap().clone()).unwrap();
+            }
+            let worst = off(&adapter, std::slice::from_ref(&wrong));
+            let stays = adapter.mapping().passes.iter().filter(|p| p.role.light().is_some() && !list.contains(&p.name));
+            let black = stays
+                .flat_map(|p| &p.channels)
+                .all(|id| all.samples(id.part, id.channel) == before.samples(id.part, id.channel));
+            assert!(worst > 5.0 || black, "{file} {list:?}: a wrong beauty went unseen: {worst}");
+            seen += usize::from(!black);
+        }
+    }
+    assert!(tried >= 8 && seen >= 6, "{tried} lists, {seen} canaries");
+}
+
 #[test]
 fn light_that_goes_through_unfiltered_comes_back_to_the_bit_or_within_half_rounding() {
     let Some(frames) = shared_frames() else { return };
