@@ -1,7 +1,7 @@
 """quell and Open Image Denoise on the ladder: every sequence at every sample count, scored against its references.
 
     python3 benchmarks/ladder/ladder.py DATA --quell target/release/quell [--label NAME] [-- ARGUMENTS OF quell denoise]
-        [--scenes yard,night] [--counts 4,64] [--only quell|oidn] [--check] [--json FILE] [--crops N]
+        [--scenes yard,night] [--counts 4,64] [--frames 6-8] [--only quell|oidn] [--check] [--json FILE] [--crops N]
 
 DATA is what `render.py` made; `hall` and `mitsuba_box` are taken from --shared. Results lie in DATA/results/NAME/, so variants
 stand side by side. Those of the input and of Open Image Denoise (`high`, prefiltered albedo and normal) are kept and made
@@ -40,11 +40,11 @@ FIGURES = ("flip", "relmse", "flicker")
 class Rung:
     """One sequence at one count: its folders, its scored frames."""
 
-    def __init__(self, scene, spp, noisy, reference, samples):
+    def __init__(self, scene, spp, noisy, reference, samples, frames):
         self.scene, self.spp, self.samples = scene, spp, samples
         self.noisy, self.references = exr_sequence.files(noisy), exr_sequence.files(reference)
         self.folder, self.name = noisy, f"{scene}_{spp}"
-        self.frames = [n for n in sorted(self.references) if n in self.noisy]
+        self.frames = [n for n in sorted(self.references) if n in self.noisy and (not frames or n in frames)]
 
     def job(self, path, name, n, with_regions):
         share = self.spp / (self.spp + self.samples)
@@ -57,7 +57,7 @@ class Rung:
         return hashlib.sha256((json.dumps(stamps) + open(measure.__file__).read()).encode()).hexdigest()[:24]
 
 
-def rungs(data, shared, scenes, counts):
+def rungs(data, shared, scenes, counts, frames):
     """All that can be scored now."""
     found = []
     for scene in render.SCENES:
@@ -75,7 +75,7 @@ def rungs(data, shared, scenes, counts):
         if os.path.isdir(os.path.join(folder, noisy)):
             found.append((scene, spp, os.path.join(folder, noisy), os.path.join(folder, "reference"), samples))
     wanted = [f for f in sorted(found) if (not scenes or f[0] in scenes) and (not counts or f[1] in counts)]
-    return [r for r in (Rung(*f) for f in wanted) if r.frames]
+    return [r for r in (Rung(*f, frames) for f in wanted) if r.frames]
 
 
 def run(arguments):
@@ -199,6 +199,7 @@ def arguments():
     ap.add_argument("--only", choices=("quell", "oidn"))
     ap.add_argument("--scenes", type=lambda t: t.split(","), default=[])
     ap.add_argument("--counts", type=lambda t: [int(v) for v in t.split(",")], default=[])
+    ap.add_argument("--frames", type=render.numbers, default=[], help="score only these, as 6-8")
     ap.add_argument("--shared", default=os.path.join(os.path.dirname(BENCHMARKS), "..", "shared", "frames"))
     ap.add_argument("--keep", action="store_true", help="use quell's results that exist")
     ap.add_argument("--regions", action="store_true", help="print errors by region")
@@ -223,7 +224,7 @@ def main():
     report, faults = [], []
     with ProcessPoolExecutor(os.cpu_count()) as pool:
         open_jobs = []
-        for rung in rungs(args.data, args.shared, args.scenes, args.counts):
+        for rung in rungs(args.data, args.shared, args.scenes, args.counts, args.frames):
             open_jobs.append((rung, {label: score(rung, label, results, args, pool) for label in ["input", *labels]}))
         print(HEAD)
         for rung, waiting in open_jobs:

@@ -1,10 +1,10 @@
 """Make the ladder's sequences: each scene at rising sample counts, and references for its middle frames.
 
-    python3 benchmarks/ladder/render.py DATA [--scenes yard,night] [--threads 2] [--list]
+    python3 benchmarks/ladder/render.py DATA [--scenes yard,night] [--rounds 1,2] [--threads 2] [--list]
 
 Needs `pip install bpy==5.0.1 OpenEXR numpy` (Python 3.11), for the scene `mitsuba` also `mitsuba==3.9.1`. What exists is left
 alone, so an interrupted run goes on, and a finished one does nothing. One renderer runs at a time. The order is such that
-the run can be used early: for each scene 4, 16 and 64 samples and a first reference, then 256, then more reference.
+the run can be used early: a first round of 4 and 64 samples and a short reference for each scene, then 16, then 256.
 
     DATA/SCENE/noisy_SPP/SCENE.####.exr      all passes
     DATA/SCENE/pieces/SPP-K/SCENE.####.exr   independent references of SPP samples, seeds K * 100000 + frame
@@ -21,10 +21,18 @@ import time
 
 HERE = os.path.dirname(os.path.abspath(__file__))
 sys.path.insert(0, os.path.dirname(HERE))
-SCENES = ("yard", "night", "harbour", "kitchen", "mitsuba", "workshop")
+SCENES = ("yard", "night", "mitsuba", "harbour", "kitchen", "workshop")
 LAST = {"workshop": 8}
 SCORED = {"workshop": (4, 6)}
-FIRST_PIECES, MORE_PIECES = ((256, 2), (256, 3)), ((512, 1), (512, 4), (512, 5))
+COUNTS = {"workshop": (2, 4, 16, 64)}
+# independent references (samples, number): one to begin with, then 1024 samples, then 2048
+PIECES = (((256, 2),), ((256, 3), (512, 1)), ((512, 4), (512, 5)))
+
+
+def numbers(text):
+    """`1-4,7` -> [1, 2, 3, 4, 7]"""
+    ranges = [(part.split("-") * 2)[:2] for part in text.split(",")]
+    return [n for first, last in ranges for n in range(int(first), int(last) + 1)]
 
 
 def scored(scene):
@@ -36,21 +44,20 @@ def last_frame(scene):
     return LAST.get(scene, 12)
 
 
-def jobs(scenes):
+def jobs(scenes, rounds):
     """(scene, folder, samples, piece or None, frames), first things first."""
     level = lambda scene, spp, first, last: (scene, f"noisy_{spp}", spp, None, range(first, last + 1))
-    pieces = lambda scene, some: [(scene, f"pieces/{spp}-{k}", spp, k, range(scored(scene)[0], scored(scene)[1] + 1)) for spp, k in some]
-    for scene in scenes:
-        for spp in (4, 16, 64):
-            yield level(scene, spp, 1, last_frame(scene))
-        yield from pieces(scene, FIRST_PIECES)
-    for scene in scenes:
-        first, last = scored(scene)
-        # the dearest level: two frames more on either side than are scored
-        yield level(scene, 256, max(first - 2, 1), min(last + 2, last_frame(scene)))
-        yield from pieces(scene, MORE_PIECES[:1])
-    for scene in scenes:
-        yield from pieces(scene, MORE_PIECES[1:])
+    pieces = lambda scene, k: [(scene, f"pieces/{spp}-{n}", spp, n, range(scored(scene)[0], scored(scene)[1] + 1)) for spp, n in PIECES[k]]
+    for k in rounds:
+        for scene in scenes:
+            for spp in COUNTS.get(scene, (4, 16, 64)):
+                if k == (2 if spp == 16 else 1):
+                    yield level(scene, spp, 1, last_frame(scene))
+            if k == 3:
+                # the dearest level: two frames more on either side than are scored
+                first, last = scored(scene)
+                yield level(scene, 256, max(first - 2, 1), min(last + 2, last_frame(scene)))
+            yield from pieces(scene, k - 1)
 
 
 def missing(data, job):
@@ -103,10 +110,11 @@ def main():
     ap = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     ap.add_argument("data")
     ap.add_argument("--scenes", default=",".join(SCENES))
+    ap.add_argument("--rounds", default="1,2,3", help="1: 4 and 64 samples and a first reference; 2: 16 samples, references of 1024; 3: 256, of 2048")
     ap.add_argument("--threads", type=int, default=2)
     ap.add_argument("--list", action="store_true", help="print what is missing and make nothing")
     a = ap.parse_args()
-    for job in jobs(a.scenes.split(",")):
+    for job in jobs(a.scenes.split(","), [int(k) for k in a.rounds.split(",")]):
         frames = missing(a.data, job)
         if a.list:
             print(f"{job[0]:10} {job[1]:10} {'missing ' + ','.join(map(str, frames)) if frames else 'complete'}")
