@@ -12,8 +12,8 @@ Noisy frames have seed = frame, references seed = 100000 + frame and the same se
 the mean of the noisy ones. No denoising, no motion blur, no adaptive sampling, no compositing.
 
     workshop  2 samples, box filter 1 px, no clamping, no caustics: as `hall`
-    yard      4 samples, and else Blender's defaults: Blackman-Harris filter 1.5 px, indirect clamp 10, filter glossy 1,
-              caustics, 12 bounces, sampling pattern `AUTOMATIC`
+    others    4 samples, and else Blender's defaults: Blackman-Harris filter 1.5 px, indirect clamp 10, filter glossy 1,
+              caustics, 12 bounces (`night` 6), sampling pattern `AUTOMATIC`
 """
 import argparse
 import os
