@@ -172,7 +172,7 @@ def line(rung, label, figures, found):
     worst = [single[k][0] if single[k] else None for k in FIGURES]
     share = 1000 * blocks["worse"] / blocks["counted"] if blocks["counted"] else None
     return (
-        f"{rung.scene:16} {rung.spp:4d} {label:12} {show(ratio['flip'], 8, 3)}  {show(times, 6, 2)}x  {show(ratio['flicker'], 10, 3)} |"
+        f"{rung.scene:16} {rung.spp:4d} {label:12} {show(ratio['flip'], 8, 3)}  {show(times, 6, 2 if times and times >= 0.1 else 4)}x  {show(ratio['flicker'], 10, 3)} |"
         f" {show(worst[0], 11, 3)} {show(worst[1], 7, 3)}  {show(worst[2], 7, 3)} | {show(share, 11, 1)}"
         f" {show(blocks['worst'][0][0] if blocks['worst'] else None, 7, 2)}"
         + (f"  NOT FINITE: {figures['not_finite']}" if figures["not_finite"] else "")
@@ -191,6 +191,15 @@ def crops(rung, label, results, found, count):
         run([sys.executable, os.path.join(BENCHMARKS, "exr_png.py"), out, *trio, "--crop", window, "--scale", "4", "--columns", "3"])
 
 
+def write_report(path, report):
+    """Adds the entries to the file; those of the same sequence and count are replaced."""
+    os.makedirs(os.path.dirname(os.path.abspath(path)), exist_ok=True)
+    kept = json.load(open(path)) if os.path.exists(path) else []
+    merged = {(e["scene"], e["spp"]): e for e in [*kept, *report]}
+    with open(path, "w") as fh:
+        json.dump([merged[k] for k in sorted(merged)], fh, indent=1)
+
+
 def arguments():
     ap = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     ap.add_argument("data")
@@ -204,7 +213,7 @@ def arguments():
     ap.add_argument("--keep", action="store_true", help="use quell's results that exist")
     ap.add_argument("--regions", action="store_true", help="print errors by region")
     ap.add_argument("--crops", type=int, default=0, help="PNGs of so many of the worst blocks of each sequence")
-    ap.add_argument("--json", help="write all figures to this file (DATA/results/LABEL.json by default)")
+    ap.add_argument("--json", help="add all figures to this file (DATA/results/LABEL.json by default)")
     ap.add_argument("--check", action="store_true", help="exit with 1 if a point does not hold")
     ours, theirs = sys.argv[1:], []
     if "--" in ours:
@@ -243,9 +252,7 @@ def main():
                     crops(rung, label, results, found, args.crops)
             report.append(entry)
     path = args.json or os.path.join(results, f"{args.label}.json")
-    os.makedirs(os.path.dirname(os.path.abspath(path)), exist_ok=True)
-    with open(path, "w") as fh:
-        json.dump(report, fh, indent=1)
+    write_report(path, report)
     if args.check:
         print("\n".join(["", f"{len(faults)} points do not hold:", *faults]) if faults else "\nall points hold")
         return 1 if faults else 0

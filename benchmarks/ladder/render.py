@@ -25,8 +25,8 @@ SCENES = ("yard", "night", "mitsuba", "harbour", "kitchen", "workshop")
 LAST = {"workshop": 8}
 SCORED = {"workshop": (4, 6)}
 COUNTS = {"workshop": (2, 4, 16, 64)}
-# independent references (samples, number): one to begin with, then 1024 samples, then 2048
-PIECES = (((256, 2),), ((256, 3), (512, 1)), ((512, 4), (512, 5)))
+# independent references (samples, number), by round: 256 samples to begin with, then 768, then 2048
+PIECES = (((256, 2),), ((256, 3), (256, 4)), ((512, 1), (512, 5), (256, 6)))
 
 
 def numbers(text):
@@ -110,11 +110,14 @@ def main():
     ap = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     ap.add_argument("data")
     ap.add_argument("--scenes", default=",".join(SCENES))
-    ap.add_argument("--rounds", default="1,2,3", help="1: 4 and 64 samples and a first reference; 2: 16 samples, references of 1024; 3: 256, of 2048")
+    ap.add_argument("--rounds", default="1,2,3", help="1: 4 and 64 samples and a first reference; 2: 16 samples, references of 768; 3: 256, of 2048")
     ap.add_argument("--threads", type=int, default=2)
+    ap.add_argument("--no-pieces", action="store_true", help="no references this time")
     ap.add_argument("--list", action="store_true", help="print what is missing and make nothing")
     a = ap.parse_args()
     for job in jobs(a.scenes.split(","), [int(k) for k in a.rounds.split(",")]):
+        if a.no_pieces and job[3] is not None:
+            continue
         frames = missing(a.data, job)
         if a.list:
             print(f"{job[0]:10} {job[1]:10} {'missing ' + ','.join(map(str, frames)) if frames else 'complete'}")
