@@ -4,6 +4,8 @@ mod suite {
     #[cfg(all(feature = "cpu", feature = "threads"))]
     mod agreement;
     mod contract;
+    #[cfg(feature = "cpu")]
+    mod convergence;
     mod frames;
     #[cfg(feature = "gpu-native")]
     mod gpu;

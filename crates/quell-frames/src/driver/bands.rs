@@ -442,6 +442,7 @@ impl Layout {
             alpha: whole.alpha,
             // Nobody writes these two.
             confidence: none(),
+            noise: None,
             samples: none(),
             repaired: self.repaired,
         }

@@ -2,7 +2,7 @@
 
 use super::passes;
 use crate::sequence::SequenceStages;
-use crate::stages::{feature_noise, gather, recombine, reflection_motion};
+use crate::stages::{blend, feature_noise, gather, recombine, reflection_motion};
 
 /// Every stage's `cpu.rs`, under the schedules of `passes/`.
 pub(crate) static STAGES: SequenceStages = SequenceStages {
@@ -12,6 +12,8 @@ pub(crate) static STAGES: SequenceStages = SequenceStages {
     variance: passes::variance::run,
     wavelet: passes::wavelet::run,
     sum: recombine::cpu::sum,
+    input: recombine::cpu::input,
     stabilise: passes::stabilise::run,
+    blend: blend::cpu::run,
     rescale: recombine::cpu::rescale,
 };

@@ -1,7 +1,7 @@
 //! The sequence filter's stages as their specification has them.
 
 use crate::sequence::SequenceStages;
-use crate::stages::{feature_noise, gather, recombine, reflection_motion, stabilise, variance, wavelet};
+use crate::stages::{blend, feature_noise, gather, recombine, reflection_motion, stabilise, variance, wavelet};
 
 /// Every stage's `reference.rs`.
 pub(crate) static STAGES: SequenceStages = SequenceStages {
@@ -11,6 +11,8 @@ pub(crate) static STAGES: SequenceStages = SequenceStages {
     variance: variance::reference::run,
     wavelet: wavelet::reference::run,
     sum: recombine::reference::sum,
+    input: recombine::reference::input,
     stabilise: stabilise::reference::run,
+    blend: blend::reference::run,
     rescale: recombine::reference::rescale,
 };

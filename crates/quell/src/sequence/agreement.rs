@@ -4,11 +4,13 @@
 //! The GPU's are in `tests/suite/gpu`.
 
 use super::run::{SequenceStages, stages_of};
-use super::testing::frame;
+use super::settings::Blend;
+use super::testing::{frame, random};
 use super::{Filtered, LightKind, SequenceDenoiser, SequenceFrame, SequenceSettings};
 use crate::denoiser::Backend;
 use crate::frame::Rgb;
 use crate::plane::{Plane, Size};
+use crate::stages::blend::BlendFrame;
 use crate::stages::stabilise::StabiliseFrame;
 use crate::window::{LocalFeatures, PreparedFrame, Rows};
 
@@ -24,7 +26,7 @@ struct Bound {
 }
 
 /// Of each stage, with the reason.
-const BOUNDS: [(&str, Bound); 9] = [
+const BOUNDS: [(&str, Bound); 11] = [
     // Costs of patches add up in another order, so that of two offsets that cost the same either may win.
     ("reflection_motion", Bound { relative: 1e-5, flips: 0.01 }),
     // The same arithmetic in the same order.
@@ -37,8 +39,12 @@ const BOUNDS: [(&str, Bound); 9] = [
     ("wavelet", Bound { relative: 1e-4, flips: 0.0 }),
     // A sum of seven products.
     ("sum", Bound { relative: 1e-6, flips: 0.0 }),
+    // A sum of seven products.
+    ("input", Bound { relative: 1e-6, flips: 0.0 }),
     // Another form of the cubic's polynomials.
     ("stabilise", Bound { relative: 2e-5, flips: 0.0 }),
+    // Windows summed in another order; logarithms of small differences of large numbers, through a net.
+    ("blend", Bound { relative: 2e-3, flips: 2e-3 }),
     // The same arithmetic in the same order.
     ("rescale", Bound { relative: 0.0, flips: 0.0 }),
     // All of these one after another.
@@ -193,8 +199,26 @@ fn every_stage_agrees_with_its_reference() {
     });
 
     let (steady, _) = (stages_of(Backend::Cpu).stabilise)(&shown, 2, &s.gather, &s.stabilise);
+    check("input", |stages| vec![colours("input", &(stages.input)(here, slots, &filtered))]);
+    let inputs: Vec<_> =
+        (members.iter()).map(|frame| (stages_of(Backend::Cpu).input)(frame, slots, &filtered)).collect();
+    let samples = Plane::from_fn(SIZE, |x, y| 1.0 + 16.0 * random(x, y, 2, 11));
+    let shown: Vec<_> = (members.iter().zip(&inputs).zip(&pictures))
+        .map(|((f, input), picture)| BlendFrame { features: &f.features, input, picture, samples: &samples })
+        .collect();
+    let mut shares = None;
+    for net in [false, true] {
+        let settings = Blend { net, ..s.blend };
+        check("blend", |stages| {
+            let blend = (stages.blend)(&shown, 2, &steady, (&s.gather, &s.stabilise), &settings);
+            let output = vec![colours("shares", &blend.shares), ("noise".to_owned(), blend.noise.data().to_vec())];
+            shares = Some(blend.shares);
+            output
+        });
+    }
+
     check("rescale", |stages| {
-        let passes = (stages.rescale)(here, slots, &filtered, &pictures[2], &steady);
+        let passes = (stages.rescale)(here, slots, &filtered, [&pictures[2], &steady], shares.as_ref());
         passes.iter().flatten().enumerate().map(|(k, plane)| colours(&format!("pass {k}"), plane)).collect()
     });
 }
@@ -220,7 +244,7 @@ fn stages_agree_where_buffers_and_neighbours_are_missing() {
             let only = StabiliseFrame { features: &frame.features, picture: &picture, alpha: None };
             let (steady, alpha) = (stages.stabilise)(&[only], 0, &s.gather, &s.stabilise);
             assert!(alpha.is_none());
-            let passes = (stages.rescale)(&frame, &slots, &filtered, &picture, &steady);
+            let passes = (stages.rescale)(&frame, &slots, &filtered, [&picture, &steady], None);
             passes.iter().flatten().map(|plane| colours("pass", plane)).collect()
         };
         let [reference, cpu]: [Output; 2] = [Backend::Reference, Backend::Cpu].map(|b| run(stages_of(b)));
@@ -248,6 +272,7 @@ fn whole(filtered: &[Filtered]) -> Output {
     for f in filtered {
         let planes = f.lights.iter().flat_map(|light| &light.planes);
         all.extend(planes.map(|plane| colours(&format!("frame {}", f.number), plane)));
+        all.push((format!("noise {}", f.number), f.noise.as_ref().unwrap().data().to_vec()));
         all.push((format!("samples {}", f.number), f.samples.data().to_vec()));
         all.push((format!("coverage {}", f.number), f.alpha.as_ref().unwrap().data().to_vec()));
     }

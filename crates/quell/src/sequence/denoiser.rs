@@ -33,6 +33,9 @@ pub struct SequenceDenoiser {
     done: usize,
     accelerator: Option<Arc<dyn Accelerator>>,
     device: Device,
+    /// What `blend` chose from and by, where it is asked for.
+    #[cfg(all(feature = "internals", feature = "cpu"))]
+    blend_views: Option<Vec<super::BlendView>>,
 }
 
 /// Whether the frames of the present run are on the accelerator's device.
@@ -98,6 +101,8 @@ impl SequenceDenoiser {
             done: 0,
             accelerator: None,
             device: Device::Unknown,
+            #[cfg(all(feature = "internals", feature = "cpu"))]
+            blend_views: None,
         })
     }
 
@@ -107,6 +112,18 @@ impl SequenceDenoiser {
     /// As [`SequenceDenoiser::new`].
     pub fn with_accelerator(settings: SequenceSettings, accelerator: Arc<dyn Accelerator>) -> Result<Self, Error> {
         Ok(Self { accelerator: Some(accelerator), ..Self::new(settings)? })
+    }
+
+    /// Keeps what `blend` chooses from and by, of every frame that comes out: for the training of its net.
+    #[cfg(all(feature = "internals", feature = "cpu"))]
+    pub fn keep_blend_views(&mut self) {
+        self.blend_views = Some(Vec::new());
+    }
+
+    /// Those of the frames that came out since the last call.
+    #[cfg(all(feature = "internals", feature = "cpu"))]
+    pub fn take_blend_views(&mut self) -> Vec<super::BlendView> {
+        self.blend_views.as_mut().map(std::mem::take).unwrap_or_default()
     }
 
     /// The stages that run, in order.
@@ -265,25 +282,31 @@ impl SequenceDenoiser {
                 if there.estimate(&mut job).map_err(|reason| accelerator::failed(accelerator, reason))? {
                     let (slots, colours, samples) = job.estimated();
                     let picture = (stages.sum)(frame, &slots, &colours);
-                    return Ok(Estimate { slots, colours, picture, samples });
+                    let input = (stages.input)(frame, &slots, &colours);
+                    return Ok(Estimate { slots, colours, picture, input, samples });
                 }
             }
         }
         run::estimate(stages, plan, &window, i - from, s, accelerator.as_deref())
     }
 
-    fn result(&self, t: usize, from: usize, to: usize) -> Option<Filtered> {
+    fn result(&mut self, t: usize, from: usize, to: usize) -> Option<Filtered> {
         let frames: Vec<(&PreparedFrame, &Estimate)> =
             self.entries.range(from..=to).filter_map(|e| Some((&e.frame, e.estimate.as_ref()?))).collect();
         let entry = self.entries.get(t)?;
         let estimate = entry.estimate.as_ref()?;
-        let run::Finished { passes, alpha } = run::finish(self.stages, &self.plan, &frames, t - from, &self.settings);
+        #[cfg(all(feature = "internals", feature = "cpu"))]
+        if let Some(views) = &mut self.blend_views {
+            views.push(run::blend_view(self.stages, &frames, t - from, &self.settings));
+        }
+        let run::Finished { passes, alpha, noise } =
+            run::finish(self.stages, &self.plan, &frames, t - from, &self.settings);
         let samples = estimate.samples.clone();
         let full = self.settings.variance.confident_samples;
         let confidence = Plane::from_fn(samples.size(), |x, y| (samples.at(x, y) / full).min(1.0));
         let lights = with_weights(&entry.frame, passes);
         let (number, repaired) = (entry.frame.number, entry.frame.repaired);
-        Some(Filtered { number, lights, alpha, confidence, samples, repaired })
+        Some(Filtered { number, lights, alpha, confidence, samples, noise, repaired })
     }
 }
 

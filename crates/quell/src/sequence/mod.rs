@@ -34,6 +34,8 @@ pub use accelerator::Accelerator;
 pub use denoiser::SequenceDenoiser;
 pub use frame::{Filtered, FilteredLight, Light, LightKind, SequenceFrame};
 pub use pipeline::{SequencePlan, SequenceStage};
+#[cfg(all(feature = "internals", feature = "cpu"))]
+pub use run::BlendView;
 pub(crate) use run::SequenceStages;
 pub use settings::{SEQUENCE_PARAMETERS, SequenceSettings};
 

@@ -5,7 +5,7 @@
 
 use super::settings::SequenceSettings;
 use crate::reach::{Reach, listing};
-use crate::stages::{feature_noise, gather, recombine, reflection_motion, stabilise, variance, wavelet};
+use crate::stages::{blend, feature_noise, gather, recombine, reflection_motion, stabilise, variance, wavelet};
 
 /// One stage of the sequence filter; its folder in `stages/` has its name, but for the two halves of `recombine`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
@@ -24,13 +24,15 @@ pub enum SequenceStage {
     Sum,
     /// `stabilise`.
     Stabilise,
-    /// `recombine`: passes scaled to the steadier picture.
+    /// `blend`.
+    Blend,
+    /// `recombine`: passes of the blended picture.
     Rescale,
 }
 
 impl SequenceStage {
     /// All stages in order.
-    pub const ALL: [Self; 8] = [
+    pub const ALL: [Self; 9] = [
         Self::ReflectionMotion,
         Self::Gather,
         Self::FeatureNoise,
@@ -38,6 +40,7 @@ impl SequenceStage {
         Self::Wavelet,
         Self::Sum,
         Self::Stabilise,
+        Self::Blend,
         Self::Rescale,
     ];
 
@@ -51,6 +54,7 @@ impl SequenceStage {
             Self::Wavelet => "wavelet",
             Self::Sum => "recombine: sum",
             Self::Stabilise => "stabilise",
+            Self::Blend => "blend",
             Self::Rescale => "recombine: rescale",
         }
     }
@@ -63,11 +67,20 @@ impl SequenceStage {
             Self::FeatureNoise => &["features"],
             Self::Variance => &["means", "moments", "local features", "given variance"],
             Self::Wavelet => &["means", "variance", "local features"],
-            Self::Sum => &["filtered light", "weights"],
+            Self::Sum => &["light", "filtered light", "weights"],
             Self::Stabilise => {
                 &["pictures around", "coverage around", "features around", "motion", "reflection motion"]
             }
-            Self::Rescale => &["filtered light", "picture", "steadier picture"],
+            Self::Blend => &[
+                "input",
+                "picture",
+                "steadier picture",
+                "inputs around",
+                "pictures around",
+                "features around",
+                "motion",
+            ],
+            Self::Rescale => &["light", "filtered light", "picture", "steadier picture", "shares"],
         }
     }
 
@@ -79,8 +92,9 @@ impl SequenceStage {
             Self::FeatureNoise => &["local features"],
             Self::Variance => &["variance"],
             Self::Wavelet => &["filtered light"],
-            Self::Sum => &["picture"],
+            Self::Sum => &["picture", "input"],
             Self::Stabilise => &["steadier picture", "coverage"],
+            Self::Blend => &["shares", "expected error"],
             Self::Rescale => &["passes"],
         }
     }
@@ -95,6 +109,7 @@ impl SequenceStage {
             Self::Wavelet => wavelet::reach(&s.wavelet),
             Self::Sum | Self::Rescale => recombine::reach(),
             Self::Stabilise => stabilise::reach(&s.stabilise),
+            Self::Blend => blend::reach(),
         }
     }
 
@@ -102,6 +117,7 @@ impl SequenceStage {
         match self {
             Self::ReflectionMotion => s.gather.frames > 0 || s.stabilise.frames > 0,
             Self::Stabilise => s.stabilise.frames > 0,
+            Self::Blend => s.blend.choose,
             _ => true,
         }
     }
@@ -165,10 +181,12 @@ mod tests {
             "features around",
             "features",
             "light of the window",
+            "light",
             "motion",
             "given variance",
             "weights",
             "coverage around",
+            "inputs around",   // `input` of the frames around
             "pictures around", // `picture` of the frames around
         ];
         let mut known: Vec<&str> = given.to_vec();
@@ -185,11 +203,12 @@ mod tests {
         let mut s = SequenceSettings::default();
         let plan = SequencePlan::new(&s);
         assert_eq!(plan.frames(), 10);
-        // Five levels: 2 * 31 + 5; variance 2, feature noise 2, the window of stage 4: 6; two footprints of 2.
-        assert_eq!(plan.rows(0.0, 100.0), 67 + 2 + 2 + 6 + 2 * 2);
+        // Five levels: 2 * 31 + 5; variance 2, feature noise 2, the windows of stabilise and blend: 6 each; two footprints of 2.
+        assert_eq!(plan.rows(0.0, 100.0), 67 + 2 + 2 + 6 + 6 + 2 * 2);
         assert_eq!(plan.rows(1.5, 100.0), plan.rows(0.0, 100.0) + 12 + 3);
         assert_eq!(plan.rows(1000.0, 30.0), plan.rows(0.0, 100.0) + 30 + 30);
         s.stabilise.frames = 0;
+        s.blend.choose = false;
         s.wavelet.levels = 0;
         s.wavelet.transmission_levels = 1;
         let plan = SequencePlan::new(&s);

@@ -2,11 +2,13 @@
 
 use super::accelerator::{self, Accelerator, WaveletJob};
 use super::pipeline::{SequencePlan, SequenceStage};
-use super::settings::{Gather, Reflections, SequenceSettings, Stabilise, Variance, Wavelet};
+use super::settings::{self, Gather, Reflections, SequenceSettings, Stabilise, Variance, Wavelet};
 use crate::denoiser::Backend;
 use crate::error::Error;
 use crate::frame::Rgb;
+use crate::kernels::math::lerp;
 use crate::plane::{Plane, Size};
+use crate::stages::blend::{Blend, BlendFrame};
 use crate::stages::gather::Gathered;
 use crate::stages::reflection_motion::ReflectionMotion;
 use crate::stages::stabilise::StabiliseFrame;
@@ -20,7 +22,9 @@ pub(crate) type SteadyPicture = (Plane<Rgb>, Option<Plane<f32>>);
 pub(crate) type Passes = Vec<Vec<Plane<Rgb>>>;
 
 /// Arguments and result of `recombine`'s `rescale`.
-type Rescale = fn(&PreparedFrame, &[LightSlot], &Rows, &Plane<Rgb>, &Plane<Rgb>) -> Passes;
+type Rescale = fn(&PreparedFrame, &[LightSlot], &Rows, [&Plane<Rgb>; 2], Option<&Plane<[f32; 3]>>) -> Passes;
+/// Arguments and result of `blend`.
+type BlendStage = fn(&[BlendFrame<'_>], usize, &Plane<Rgb>, (&Gather, &Stabilise), &settings::Blend) -> Blend;
 
 /// The stages of the sequence filter on one back end: functions with the contracts of the stages' `reference.rs`.
 pub(crate) struct SequenceStages {
@@ -30,7 +34,9 @@ pub(crate) struct SequenceStages {
     pub variance: fn(&LocalFeatures, &Gathered, &GivenVariance, &Variance, &Wavelet) -> Rows,
     pub wavelet: fn(&LocalFeatures, &[LightSlot], Rows, Rows, &Wavelet) -> Rows,
     pub sum: fn(&PreparedFrame, &[LightSlot], &Rows) -> Plane<Rgb>,
+    pub input: fn(&PreparedFrame, &[LightSlot], &Rows) -> Plane<Rgb>,
     pub stabilise: fn(&[StabiliseFrame<'_>], usize, &Gather, &Stabilise) -> SteadyPicture,
+    pub blend: BlendStage,
     pub rescale: Rescale,
 }
 
@@ -50,6 +56,8 @@ pub(crate) struct Estimate {
     pub colours: Rows,
     /// The sum of the beauty's lights.
     pub picture: Plane<Rgb>,
+    /// The same of the lights as they came.
+    pub input: Plane<Rgb>,
     /// The largest number of samples that a light's mean is worth.
     pub samples: Plane<f32>,
 }
@@ -64,6 +72,7 @@ struct Work<'w> {
     local: Option<LocalFeatures>,
     variance: Rows,
     picture: Plane<Rgb>,
+    input: Plane<Rgb>,
     samples: Plane<f32>,
 }
 
@@ -89,13 +98,14 @@ pub(crate) fn estimate(
         local: None,
         variance: Rows::empty(),
         picture: Plane::filled(empty, [0.0; 3]),
+        input: Plane::filled(empty, [0.0; 3]),
         samples: Plane::filled(empty, 0.0),
     };
     for stage in plan.stages() {
         work.run(stage, accelerator)?;
     }
-    let Work { gathered: Gathered { slots, colours, .. }, picture, samples, .. } = work;
-    Ok(Estimate { slots, colours, picture, samples })
+    let Work { gathered: Gathered { slots, colours, .. }, picture, input, samples, .. } = work;
+    Ok(Estimate { slots, colours, picture, input, samples })
 }
 
 impl Work<'_> {
@@ -126,7 +136,9 @@ impl Work<'_> {
                 self.local = None;
             }
             (SequenceStage::Sum, _) => {
-                self.picture = (self.stages.sum)(frame, &self.gathered.slots, &self.gathered.colours);
+                let (slots, colours) = (&self.gathered.slots, &self.gathered.colours);
+                self.picture = (self.stages.sum)(frame, slots, colours);
+                self.input = (self.stages.input)(frame, slots, colours);
             }
             _ => {} // of pairs of frames, or done by `finish`
         }
@@ -156,6 +168,8 @@ pub(crate) fn link(
 pub(crate) struct Finished {
     pub passes: Passes,
     pub alpha: Option<Plane<f32>>,
+    /// Expected error of the picture, where the stage `blend` runs.
+    pub noise: Option<Plane<f32>>,
 }
 
 /// Runs the plan's stages after [`SequenceStage::Sum`] for `frames[centre]`.
@@ -167,30 +181,87 @@ pub(crate) fn finish(
     s: &SequenceSettings,
 ) -> Finished {
     let (frame, estimate) = frames[centre];
-    let mut finished = Finished { passes: Vec::new(), alpha: frame.alpha.clone() };
+    let mut finished = Finished { passes: Vec::new(), alpha: frame.alpha.clone(), noise: None };
     // A stage that does not run hands its input on.
-    let mut steady = None;
+    let (mut steady, mut shares) = (None, None);
     for stage in plan.stages() {
         match stage {
             SequenceStage::Stabilise => {
-                let window: Vec<_> = (frames.iter())
-                    .map(|(frame, estimate)| StabiliseFrame {
-                        features: &frame.features,
-                        picture: &estimate.picture,
-                        alpha: frame.alpha.as_ref(),
-                    })
-                    .collect();
-                let (picture, alpha) = (stages.stabilise)(&window, centre, &s.gather, &s.stabilise);
+                let (picture, alpha) = (stages.stabilise)(&stabilise_window(frames), centre, &s.gather, &s.stabilise);
                 (steady, finished.alpha) = (Some(picture), alpha);
             }
-            SequenceStage::Rescale => {
+            SequenceStage::Blend => {
                 let after = steady.as_ref().unwrap_or(&estimate.picture);
-                finished.passes = (stages.rescale)(frame, &estimate.slots, &estimate.colours, &estimate.picture, after);
+                let blend = (stages.blend)(&blend_window(frames), centre, after, (&s.gather, &s.stabilise), &s.blend);
+                finished.alpha = blend_alpha(frame.alpha.as_ref(), finished.alpha, &blend.shares);
+                (shares, finished.noise) = (Some(blend.shares), Some(blend.noise));
+            }
+            SequenceStage::Rescale => {
+                let pictures = [&estimate.picture, steady.as_ref().unwrap_or(&estimate.picture)];
+                finished.passes =
+                    (stages.rescale)(frame, &estimate.slots, &estimate.colours, pictures, shares.as_ref());
             }
             _ => {} // of pairs of frames, or done by `estimate`
         }
     }
     finished
+}
+
+fn stabilise_window<'a>(frames: &'a [(&PreparedFrame, &Estimate)]) -> Vec<StabiliseFrame<'a>> {
+    let one = |(frame, estimate): &(&'a PreparedFrame, &'a Estimate)| StabiliseFrame {
+        features: &frame.features,
+        picture: &estimate.picture,
+        alpha: frame.alpha.as_ref(),
+    };
+    frames.iter().map(one).collect()
+}
+
+fn blend_window<'a>(frames: &'a [(&PreparedFrame, &Estimate)]) -> Vec<BlendFrame<'a>> {
+    let one = |(frame, estimate): &(&'a PreparedFrame, &'a Estimate)| BlendFrame {
+        features: &frame.features,
+        input: &estimate.input,
+        picture: &estimate.picture,
+        samples: &estimate.samples,
+    };
+    frames.iter().map(one).collect()
+}
+
+/// What `blend` chooses from and by.
+#[cfg(all(feature = "internals", feature = "cpu"))]
+#[derive(Clone, Debug)]
+pub struct BlendView {
+    /// Frame number.
+    pub number: i64,
+    /// Input, wavelet's picture, stabilised picture.
+    pub candidates: [Plane<Rgb>; 3],
+    /// What the net reads.
+    pub inputs: Plane<crate::stages::blend::Inputs>,
+    /// Noise of the input, squared, mean of the channels.
+    pub noise: Plane<f32>,
+}
+
+#[cfg(all(feature = "internals", feature = "cpu"))]
+pub(crate) fn blend_view(
+    stages: &SequenceStages,
+    frames: &[(&PreparedFrame, &Estimate)],
+    centre: usize,
+    s: &SequenceSettings,
+) -> BlendView {
+    let (frame, estimate) = frames[centre];
+    let (steady, _) = (stages.stabilise)(&stabilise_window(frames), centre, &s.gather, &s.stabilise);
+    let window = blend_window(frames);
+    let (inputs, noise) = crate::stages::blend::cpu::inputs(&window, centre, &steady, (&s.gather, &s.stabilise));
+    let candidates = [estimate.input.clone(), estimate.picture.clone(), steady];
+    BlendView { number: frame.number, candidates, inputs, noise }
+}
+
+/// Coverage is stabilised as far as the picture is.
+fn blend_alpha(own: Option<&Plane<f32>>, steady: Option<Plane<f32>>, shares: &Plane<[f32; 3]>) -> Option<Plane<f32>> {
+    let (own, mut alpha) = (own?, steady?);
+    for ((alpha, own), shares) in alpha.data_mut().iter_mut().zip(own.data()).zip(shares.data()) {
+        *alpha = lerp(*own, *alpha, shares[2]);
+    }
+    Some(alpha)
 }
 
 fn most_samples(size: Size, moments: &Rows) -> Plane<f32> {

@@ -149,4 +149,19 @@ parameters! {
         round_trip_share: f32 = 0.1, 0.0..=1.0, "of the motion's length", "How far it may miss beyond that.",
             higher "Ghosts behind fast things.", lower "Fast things flicker.", source "ours";
     }
+    /// Input, wavelet's picture and stabilised one blended by how far each is expected to lie from the light.
+    blend: Blend {
+        choose: bool = true, (), "", "The input has a say in what comes out.",
+            higher "More samples always help.", lower "The stabilised picture comes out, whatever it lost.", source "SURE (Li et al. 2012), Rousselle et al. 2013; ours: docs/sequence.md";
+        net: bool = true, (), "", "A small net trained on rendered sequences gives the shares.",
+            higher "Less error.", lower "Thresholds made by hand give them: `blend.excess`, `blend.softness`.", source "ours: benchmarks/blend";
+        excess: f32 = 0.1, 0.0..=64.0, "of the noise", "Without the net: the next more filtered picture is taken whole where its squared distance from the input exceeds the noise by less.",
+            higher "Smoother, detail is lost.", lower "Noisier.", source "ours";
+        softness: f32 = 0.4, 0.01..=64.0, "of the noise", "Without the net: excess over which its share falls to nothing.",
+            higher "Softer changes between pictures.", lower "Harder ones.", source "ours";
+        strength: f32 = 1.0, 0.0..=4.0, "", "Share of the noise removal that comes out; beyond 1 the more filtered pictures gain.",
+            higher "Smoother.", lower "Grain comes back: 0 is the input.", source "ours";
+        guard: f32 = 8.0, 1.0..=1000.0, "times the squared noise", "How far the result may lie from the input, squared, mean over 5x5.",
+            higher "The net is trusted further.", lower "What the filter removed comes back sooner.", source "ours";
+    }
 }

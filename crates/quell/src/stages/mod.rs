@@ -10,6 +10,10 @@
 //! Sources in the tables: \[S] the talk's slides, \[A] the abstract, \[E] the authors' engine and later work, \[I] inferred, \[O] open, so ours;
 //! more in `docs/paper.md`.
 
+#[cfg(feature = "internals")]
+pub mod blend;
+#[cfg(not(feature = "internals"))]
+pub(crate) mod blend;
 #[cfg(all(test, feature = "cpu"))]
 mod causal;
 pub mod composite;

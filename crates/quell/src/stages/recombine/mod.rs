@@ -1,16 +1,16 @@
-//! Sequence filter, on both sides of `stabilise`: light and colour multiplied and added up to a picture (`sum`); then every pass scaled to
-//! what `stabilise` made of it (`rescale`).
+//! Sequence filter, around `stabilise` and `blend`: light and colour multiplied and added up to a picture (`sum`; of the light as it came:
+//! `input`); then every pass made of what it was and what it became, as the picture is (`rescale`).
 //!
 //! | | |
 //! |---|---|
-//! | reads | filtered light, the colours that multiply it, the picture before and after `stabilise` |
-//! | writes | the picture; the passes |
+//! | reads | light as it came and filtered, the colours that multiply it, the picture before and after `stabilise`, the shares of `blend` |
+//! | writes | the picture, the input; the passes |
 //! | reach | none |
-//! | equation | picture = sum light * weight * mirror colour; pass' = pass * mirror colour * after / before, channel by channel |
+//! | equation | picture = sum light * weight * mirror colour; pass' = mirror colour * (s_0 raw + (s_1 + s_2 after / before) filtered), channel by channel, s: the shares |
 //! | source | \[S] of the paper, "multiplied back"; the scale ours: `docs/sequence.md` |
 //!
-//! One factor a pixel and channel for all passes: they add up to the steadier picture as they did before. Where the picture was
-//! black or is not positive after, the factor is 1, and passes stay.
+//! One factor a pixel and channel for all passes: they add up to the blended picture as they did before. Where the picture was
+//! black or is not positive after, after / before counts as 1.
 
 #[cfg(feature = "cpu")]
 pub(crate) mod cpu;
@@ -18,7 +18,7 @@ pub mod reference;
 
 use crate::frame::Rgb;
 use crate::reach::Reach;
-use crate::window::{Class, Features, LightSlot, Packed};
+use crate::window::{Class, Features, LightSlot, Packed, PreparedFrame, Samples};
 
 /// A picture darker than this has no factor: 1.
 pub(crate) const LEAST_PICTURE: f32 = 1e-8;
@@ -37,4 +37,21 @@ pub(crate) fn mirror_colour<'a>(features: &'a Features, slot: &LightSlot) -> Opt
 #[inline(always)]
 pub(crate) fn factor(before: Rgb, after: Rgb) -> Rgb {
     [0, 1, 2].map(|c| if before[c] > LEAST_PICTURE && after[c] > 0.0 { after[c] / before[c] } else { 1.0 })
+}
+
+/// A colour of a light as it came, without the colour seen in mirrors. `None`: the light is not kept, since it comes out as it went in.
+#[inline(always)]
+pub(crate) fn raw(frame: &PreparedFrame, slot: &LightSlot, k: usize, pixel: usize) -> Option<Rgb> {
+    match &frame.stored[slot.light] {
+        Samples::Black => Some([0.0; 3]),
+        Samples::Packed(first) => Some(frame.samples.at(first + k, pixel)),
+        Samples::Own(_) | Samples::Gone => None,
+    }
+}
+
+/// What a light's colours before and after the filter are multiplied by: the share of the input, and the share of the rest
+/// times the scale of the stabilised picture.
+#[inline(always)]
+pub(crate) fn factors(before: Rgb, after: Rgb, shares: [f32; 3]) -> (f32, Rgb) {
+    (shares[0], factor(before, after).map(|factor| shares[1] + shares[2] * factor))
 }

@@ -1,6 +1,6 @@
 //! The specification of what makes a picture of light, and passes of a picture.
 
-use super::{factor, mirror_colour};
+use super::{factors, mirror_colour, raw};
 use crate::frame::Rgb;
 use crate::plane::Plane;
 use crate::window::{LightSlot, PreparedFrame, Rows};
@@ -23,28 +23,43 @@ pub fn sum(frame: &PreparedFrame, slots: &[LightSlot], colours: &Rows) -> Plane<
     })
 }
 
-/// Every plane of every light of the frame, without its weight, scaled by what `stabilise` made of the picture (`before`,
-/// `after`). Lights that are black all over the window are black.
+/// The same of the light as it came; light that is not kept comes out as it went in, and lies in `colours`.
+pub fn input(frame: &PreparedFrame, slots: &[LightSlot], colours: &Rows) -> Plane<Rgb> {
+    let mut unfiltered = colours.clone();
+    let size = frame.features.size;
+    for slot in slots {
+        for p in 0..size.pixels() {
+            if let Some(light) = raw(frame, slot, 0, p) {
+                for (c, value) in light.into_iter().enumerate() {
+                    unfiltered.set(p % size.width, p / size.width, 3 * slot.first + c, value);
+                }
+            }
+        }
+    }
+    sum(frame, slots, &unfiltered)
+}
+
+/// Every plane of every light of the frame, without its weight, as the picture is made of input, wavelet's picture (`before`) and
+/// stabilised one (`after`); without shares it is the last. Lights that are black all over the window are black.
 pub fn rescale(
     frame: &PreparedFrame,
     slots: &[LightSlot],
     colours: &Rows,
-    before: &Plane<Rgb>,
-    after: &Plane<Rgb>,
+    [before, after]: [&Plane<Rgb>; 2],
+    shares: Option<&Plane<[f32; 3]>>,
 ) -> Vec<Vec<Plane<Rgb>>> {
     let size = frame.features.size;
     let mut lights: Vec<Vec<Plane<Rgb>>> =
         frame.slots.iter().map(|slot| vec![Plane::filled(size, [0.0; 3]); slot.planes]).collect();
     for slot in slots {
         for (k, plane) in lights[slot.light].iter_mut().enumerate() {
-            for y in 0..size.height {
-                for x in 0..size.width {
-                    let p = y * size.width + x;
-                    let light = colours.colour(x, y, 3 * (slot.first + k));
-                    let mirror = mirror_colour(&frame.features, slot).map_or([1.0; 3], |colour| colour.at(0, p));
-                    let factor = factor(before.data()[p], after.data()[p]);
-                    plane.data_mut()[p] = [0, 1, 2].map(|c| light[c] * mirror[c] * factor[c]);
-                }
+            for (p, value) in plane.data_mut().iter_mut().enumerate() {
+                let filtered = colours.colour(p % size.width, p / size.width, 3 * (slot.first + k));
+                let unfiltered = raw(frame, slot, k, p).unwrap_or(filtered);
+                let mirror = mirror_colour(&frame.features, slot).map_or([1.0; 3], |colour| colour.at(0, p));
+                let shares = shares.map_or([0.0, 0.0, 1.0], |shares| shares.data()[p]);
+                let (own, rest) = factors(before.data()[p], after.data()[p], shares);
+                *value = [0, 1, 2].map(|c| (own * unfiltered[c] + rest[c] * filtered[c]) * mirror[c]);
             }
         }
     }

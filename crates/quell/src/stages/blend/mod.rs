@@ -1,0 +1,251 @@
+//! Sequence filter: of the input, the wavelet's picture and the stabilised one, the mixture that is expected to lie nearest to
+//! the light.
+//!
+//! | | |
+//! |---|---|
+//! | reads | the input, the wavelet's picture and the stabilised one of a frame; input and wavelet's picture of its neighbours, their depth, normals and motion |
+//! | writes | the share of each of the three at every pixel; the expected error of the mixture |
+//! | reach | 6 pixels: windows of 11x11 of differences over 3x3; neighbours in time are those of `stabilise` |
+//! | equation | share_k = g(z_k) / sum g(z), g(z) = ((z + sqrt(z^2 + 4)) / 2)^2; z = net([`Inputs`]) |
+//! | source | choice between filtered candidates by estimated error: SURE (Li et al. 2012), Rousselle et al. 2013; by a small net on pooled statistics: ours, `docs/sequence.md` |
+//! | parameters | `blend.*` |
+//!
+//! No other stage asks what its average is worth against what it started from. Here the input itself judges: the differences of
+//! the three pictures, pooled over windows, are compared with the noise of the input, which is found twice: from the changes of
+//! input less wavelet's picture along the surface's motion (a bias that stays cancels), and from its changes between
+//! neighbouring pixels (a smooth bias cancels). Differences are taken relative to the local brightness, and given to the net as
+//! logarithms of their ratio to that noise: what it learned at one number of samples holds at others.
+//!
+//! The shares steer pictures and passes alike, so that passes add up. With any weights of the net the output tends to the
+//! input as its noise falls: where the mixture lies further from the input than `blend.guard` times the noise explains, it is
+//! drawn back to it.
+
+#[cfg(feature = "cpu")]
+pub(crate) mod cpu;
+mod net;
+pub mod reference;
+mod weights;
+
+use crate::frame::Rgb;
+use crate::plane::Plane;
+use crate::reach::Reach;
+use crate::sequence::settings::Blend as Settings;
+use crate::window::Features;
+
+/// A frame as the stage reads it.
+#[derive(Clone, Copy, Debug)]
+pub struct BlendFrame<'a> {
+    /// Feature buffers and motion.
+    pub features: &'a Features,
+    /// The picture as it came, scene-linear.
+    pub input: &'a Plane<Rgb>,
+    /// The wavelet's picture.
+    pub picture: &'a Plane<Rgb>,
+    /// Samples that the mean is worth before the filter over the image.
+    pub samples: &'a Plane<f32>,
+}
+
+/// What the stage makes.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Blend {
+    /// Shares of the input, the wavelet's picture and the stabilised one; they add up to 1.
+    pub shares: Plane<[f32; 3]>,
+    /// Expected error of the mixture: root mean square over the channels, in units of the picture.
+    pub noise: Plane<f32>,
+}
+
+/// What the net reads of a pixel, in this order.
+///
+/// `log2` of squared differences, relative to the local brightness and, but for the first, to the noise n: n itself; the
+/// noise found over time in windows of 5x5 and 11x11, and over space in the same; input to wavelet, input to stabilised, wavelet to
+/// stabilised in windows of 3x3, the same of 7x7; the detail of the stabilised picture, and of the wavelet's; the squared mean over 5x5 of
+/// input less wavelet, of input less stabilised, and of input less wavelet averaged over the neighbours in time. Then the share of
+/// neighbours in time that show the surface, `log2` of the samples that the mean is worth, and 1 for mirrors, at silhouettes, and in
+/// the sky.
+pub const INPUTS: usize = 21;
+/// See [`INPUTS`].
+pub type Inputs = [f32; INPUTS];
+
+/// Neighbours in time on each side that are read, as far as the window of `stabilise` holds them.
+pub(crate) const FRAMES: usize = 2;
+/// Half the sides of the windows: of differences, near and wide; of noise, near and wide.
+pub(crate) const NEAR: usize = 1;
+pub(crate) const WIDE: usize = 3;
+pub(crate) const NOISE_NEAR: usize = 2;
+pub(crate) const NOISE_WIDE: usize = 5;
+/// Relative squared differences below this do not count.
+pub(crate) const LEAST: f32 = 1.0 / (1 << 24) as f32;
+/// Keeps quotients finite where a picture is black.
+pub(crate) const LEAST_BRIGHTNESS: f32 = 1e-12;
+/// Share of neighbours in time below which the noise over time is unknown.
+pub(crate) const LEAST_SEEN: f32 = 0.05;
+/// The most that brightness of one surface changes between neighbours in time for its noise to be scaled by it.
+pub(crate) const MOST_CHANGE: f32 = 4.0;
+/// Largest logarithm of a ratio; and of the noise.
+pub(crate) const MOST_RATIO: f32 = 12.0;
+pub(crate) const NOISE_RANGE: [f32; 2] = [-20.0, 6.0];
+/// Depths that differ by more than this share are two surfaces.
+pub(crate) const DEPTH_STEP: f32 = 0.1;
+/// Least cosine between normals of one surface in two frames.
+pub(crate) const LEAST_COSINE: f32 = 0.8;
+
+/// How far the stage looks. Frames around are those that `stabilise` holds.
+pub(crate) fn reach() -> Reach {
+    Reach::around(NOISE_WIDE + 1)
+}
+
+/// The pixel of `to` that shows what pixel `q` of `from` shows, `at` being its place, which is moved along. `None`: it is lost.
+pub(crate) fn follow(
+    from: &Features,
+    to: &Features,
+    forward: bool,
+    reflected: bool,
+    (at, q): (&mut [f32; 2], usize),
+) -> Option<usize> {
+    let (w, h) = (from.size.width, from.picture_height);
+    let m = from.motion.get(forward, reflected)?.data()[q];
+    *at = [at[0] + m[0], at[1] + m[1]];
+    // NaN fails too: unknown motion ends the trajectory.
+    if !(at[0] > -0.5 && at[1] > -0.5 && at[0] < w as f32 - 0.5 && at[1] < h as f32 - 0.5) {
+        return None;
+    }
+    let x = (at[0].round() as usize).min(w - 1);
+    let row = to.row_here((at[1].round() as isize).min(h as isize - 1))?;
+    let there = row * w + x;
+    let (a, b) = (&from.surface[q], &to.surface[there]);
+    let near = (a.inverse_depth - b.inverse_depth).abs() <= DEPTH_STEP * a.inverse_depth.max(b.inverse_depth);
+    let has_normals = a.normal != [0.0; 3] || b.normal != [0.0; 3];
+    let cosine: f32 = (0..3).map(|c| a.normal[c] * b.normal[c]).sum();
+    (near && (!has_normals || cosine >= LEAST_COSINE)).then_some(there)
+}
+
+/// log2 of positive numbers, to 2.2e-5: plain multiplications and additions, the same bits on every machine.
+#[inline(always)]
+pub(crate) fn log2(x: f32) -> f32 {
+    let bits = x.to_bits();
+    let exponent = (bits >> 23) as i32 - 127;
+    let m = f32::from_bits((bits & 0x007f_ffff) | 0x3f80_0000) - 1.0;
+    // log2(1 + m) on 0..1, exact at both ends, within 2.2e-5.
+    let p = 1.0 + (m - 1.0) * (-0.441_740_3 + m * (0.266_029_9 + m * (-0.146_314_3 + m * 0.044_004_7)));
+    exponent as f32 + m * p
+}
+
+/// 2^x, to 1.7e-4 relative, for -60 <= x <= 60.
+#[inline(always)]
+pub(crate) fn exp2(x: f32) -> f32 {
+    let x = x.clamp(-60.0, 60.0);
+    let whole = x.floor();
+    let t = x - whole;
+    let p = 1.0 + t * (0.695_928_5 + t * (0.224_946_3 + t * 0.079_125_2));
+    f32::from_bits(((whole as i32 + 127) as u32) << 23) * p
+}
+
+/// Pooled statistics of a pixel, as the net reads them. All relative to the squared brightness.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Pooled {
+    /// Noise over time, near and wide; share of neighbours seen, near and wide.
+    pub over_time: [f32; 2],
+    pub seen: [f32; 2],
+    /// Noise over space, near and wide.
+    pub over_space: [f32; 2],
+    /// Input to wavelet, input to stabilised, wavelet to stabilised; near, then wide.
+    pub apart: [f32; 6],
+    /// Detail of the stabilised picture and of the wavelet's.
+    pub detail: [f32; 2],
+    /// Squared means of differences.
+    pub mean: [f32; 3],
+    pub samples: f32,
+    pub mirror: bool,
+    pub silhouette: bool,
+    pub sky: bool,
+}
+
+impl Pooled {
+    /// Noise of the input: squared, relative to the brightness.
+    #[inline(always)]
+    pub(crate) fn noise(&self, wide: usize) -> f32 {
+        let (time, space) = (self.over_time[wide], self.over_space[wide]);
+        (if self.seen[wide] > LEAST_SEEN { (time / self.seen[wide]).min(space) } else { space }).max(LEAST)
+    }
+
+    /// What the net reads.
+    #[inline(always)]
+    pub(crate) fn inputs(&self) -> Inputs {
+        let noise = self.noise(1);
+        let of_noise = log2(noise);
+        let ratio = |v: f32| (log2(v.max(LEAST)) - of_noise).clamp(-MOST_RATIO, MOST_RATIO);
+        let time =
+            |k: usize| if self.seen[k] > LEAST_SEEN { self.over_time[k] / self.seen[k] } else { self.over_space[k] };
+        let mut out = [0.0; INPUTS];
+        out[0] = of_noise.clamp(NOISE_RANGE[0], NOISE_RANGE[1]);
+        out[1] = ratio(time(0));
+        out[2] = ratio(time(1));
+        out[3] = ratio(self.over_space[0]);
+        out[4] = ratio(self.over_space[1]);
+        for (k, apart) in self.apart.iter().enumerate() {
+            out[5 + k] = ratio(*apart);
+        }
+        out[11] = ratio(self.detail[0]);
+        out[12] = ratio(self.detail[1]);
+        for (k, mean) in self.mean.iter().enumerate() {
+            out[13 + k] = ratio(*mean);
+        }
+        out[16] = self.seen[0];
+        out[17] = log2(self.samples.max(1.0));
+        out[18] = f32::from(u8::from(self.mirror));
+        out[19] = f32::from(u8::from(self.silhouette));
+        out[20] = f32::from(u8::from(self.sky));
+        out
+    }
+}
+
+/// Shares of the candidates; and the expected squared error over the input's noise.
+#[inline(always)]
+pub(crate) fn shares(pooled: &Pooled, s: &Settings) -> ([f32; 3], f32) {
+    if !s.net {
+        return by_thresholds(pooled, s);
+    }
+    let strength = s.strength;
+    let z = net::run(&pooled.inputs());
+    let g = |z: f32| {
+        let half = 0.5 * (z + (z * z + 4.0).sqrt());
+        half * half
+    };
+    // Beyond 1 the more filtered candidates gain.
+    let more = strength.max(1.0);
+    let g = [g(z[0]), g(z[1]) * more * more, g(z[2]) * more * more * more * more];
+    let total = g[0] + g[1] + g[2];
+    let less = strength.min(1.0);
+    let (wavelet, steady) = (less * g[1] / total, less * g[2] / total);
+    ([1.0 - (wavelet + steady), wavelet, steady], exp2(z[3]))
+}
+
+/// Acceptance by steps, made by hand: the wavelet's picture, then the stabilised one, is taken where its squared distance from
+/// the input is explained by the noise.
+#[inline(always)]
+fn by_thresholds(pooled: &Pooled, s: &Settings) -> ([f32; 3], f32) {
+    let noise = pooled.noise(0);
+    let accepted = |apart: f32| (1.0 - (apart / noise - 1.0 - s.excess) / s.softness).clamp(0.0, 1.0);
+    let first = s.strength.min(1.0) * accepted(pooled.apart[0]);
+    let second = accepted(pooled.apart[1]);
+    let (wavelet, steady) = (first * (1.0 - second), first * second);
+    ([1.0 - (wavelet + steady), wavelet, steady], 1.0 - 0.9 * first)
+}
+
+/// What draws a mixture back to the input that lies further from it than the noise explains: the factor of its difference.
+#[inline(always)]
+pub(crate) fn drawn_back(difference: f32, noise: f32, guard: f32) -> f32 {
+    if difference > guard * noise { (guard * noise / difference).sqrt() } else { 1.0 }
+}
+
+/// True where something stands in front within 3x3.
+pub(crate) fn silhouette(features: &Features, x: usize, y: usize, nearer: f32) -> bool {
+    let (w, h) = (features.size.width, features.size.height);
+    let own = features.surface[y * w + x].inverse_depth;
+    (y.saturating_sub(1)..(y + 2).min(h)).any(|v| {
+        (x.saturating_sub(1)..(x + 2).min(w)).any(|u| {
+            let other = features.surface[v * w + u].inverse_depth;
+            other > own * nearer || own > other * nearer
+        })
+    })
+}

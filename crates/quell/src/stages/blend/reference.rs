@@ -1,0 +1,166 @@
+//! The specification of `blend`.
+
+use super::{
+    Blend, BlendFrame, FRAMES, LEAST_BRIGHTNESS, MOST_CHANGE, NEAR, NOISE_NEAR, NOISE_WIDE, Pooled, WIDE, drawn_back,
+    follow, shares, silhouette,
+};
+use crate::frame::Rgb;
+use crate::plane::Plane;
+use crate::sequence::settings::{Blend as Settings, Gather, Stabilise};
+
+/// Shares of input, wavelet's picture and `steady`, the stabilised one, of `window[centre]`, on the whole image.
+pub fn run(
+    window: &[BlendFrame<'_>],
+    centre: usize,
+    steady: &Plane<Rgb>,
+    (gather, stabilise): (&Gather, &Stabilise),
+    s: &Settings,
+) -> Blend {
+    let here = &window[centre];
+    let size = here.input.size();
+    let (w, h) = (size.width, size.height);
+    let grey = |c: Rgb| f64::from(c[0] + c[1] + c[2]) / 3.0;
+    let brightness = Plane::from_fn(size, |x, y| {
+        mean(w, h, (x, y), NOISE_NEAR, |x, y| 0.5 * (grey(here.picture.at(x, y)) + grey(steady.at(x, y))))
+            + f64::from(LEAST_BRIGHTNESS)
+    });
+    let relative = |a: &Plane<Rgb>, b: &Plane<Rgb>, x: usize, y: usize| -> [f64; 3] {
+        [0, 1, 2].map(|c| (f64::from(a.at(x, y)[c]) - f64::from(b.at(x, y)[c])) / brightness.at(x, y))
+    };
+    let wavelet = Plane::from_fn(size, |x, y| relative(here.input, here.picture, x, y));
+    let stabilised = Plane::from_fn(size, |x, y| relative(here.input, steady, x, y));
+    let between = Plane::from_fn(size, |x, y| relative(here.picture, steady, x, y));
+    let time = Plane::from_fn(size, |x, y| over_time(window, centre, (x, y), gather, brightness.at(x, y)));
+    let squared = |v: [f64; 3]| v.iter().map(|v| v * v).sum::<f64>();
+    let high = |x: usize, y: usize, at: &dyn Fn(usize, usize) -> [f64; 3]| squared(high_pass(w, h, (x, y), at));
+    let pooled = Plane::from_fn(size, |x, y| {
+        let pool = |radius: usize, f: &dyn Fn(usize, usize) -> f64| mean(w, h, (x, y), radius, f) as f32;
+        let signed = |plane: &dyn Fn(usize, usize) -> [f64; 3]| {
+            squared([0, 1, 2].map(|c| mean(w, h, (x, y), NOISE_NEAR, |x, y| plane(x, y)[c]))) as f32
+        };
+        let space = |x: usize, y: usize| high(x, y, &|x, y| wavelet.at(x, y)) / (41.0 / 64.0);
+        let detail = |picture: &Plane<Rgb>, x: usize, y: usize| {
+            high(x, y, &|x, y| picture.at(x, y).map(f64::from)) / brightness.at(x, y).powi(2)
+        };
+        let p = y * w + x;
+        Pooled {
+            over_time: [NOISE_NEAR, NOISE_WIDE].map(|r| pool(r, &|x, y| time.at(x, y).change)),
+            seen: [NOISE_NEAR, NOISE_WIDE].map(|r| pool(r, &|x, y| time.at(x, y).seen)),
+            over_space: [NOISE_NEAR, NOISE_WIDE].map(|r| pool(r, &space)),
+            apart: [
+                pool(NEAR, &|x, y| squared(wavelet.at(x, y))),
+                pool(NEAR, &|x, y| squared(stabilised.at(x, y))),
+                pool(NEAR, &|x, y| squared(between.at(x, y))),
+                pool(WIDE, &|x, y| squared(wavelet.at(x, y))),
+                pool(WIDE, &|x, y| squared(stabilised.at(x, y))),
+                pool(WIDE, &|x, y| squared(between.at(x, y))),
+            ],
+            detail: [pool(NEAR, &|x, y| detail(steady, x, y)), pool(NEAR, &|x, y| detail(here.picture, x, y))],
+            mean: [
+                signed(&|x, y| wavelet.at(x, y)),
+                signed(&|x, y| stabilised.at(x, y)),
+                signed(&|x, y| time.at(x, y).mean),
+            ],
+            samples: here.samples.at(x, y),
+            mirror: here.features.is_mirror(p),
+            silhouette: silhouette(here.features, x, y, stabilise.nearer),
+            sky: here.features.surface[p].inverse_depth == 0.0,
+        }
+    });
+    let wanted = Plane::from_fn(size, |x, y| shares(&pooled.at(x, y), s));
+    let moved = |x: usize, y: usize| {
+        let [_, a, b] = wanted.at(x, y).0.map(f64::from);
+        squared([0, 1, 2].map(|c| a * wavelet.at(x, y)[c] + b * stabilised.at(x, y)[c]))
+    };
+    let shares = Plane::from_fn(size, |x, y| {
+        let difference = mean(w, h, (x, y), NOISE_NEAR, moved) as f32;
+        let kept = drawn_back(difference, pooled.at(x, y).noise(0), s.guard);
+        let [_, wavelet, steady] = wanted.at(x, y).0.map(|v| v * kept);
+        [1.0 - (wavelet + steady), wavelet, steady]
+    });
+    let noise = Plane::from_fn(size, |x, y| {
+        let expected = wanted.at(x, y).1 * pooled.at(x, y).noise(1) / 3.0;
+        (f64::from(expected).sqrt() * brightness.at(x, y)) as f32
+    });
+    Blend { shares, noise }
+}
+
+/// What the trajectory of a pixel says of its noise, relative to the brightness.
+#[derive(Clone, Copy, Default)]
+struct OverTime {
+    /// Input less wavelet's picture, averaged.
+    mean: [f64; 3],
+    /// Half the squared changes to the pixel's own, over the most frames.
+    change: f64,
+    /// Share of frames that show it.
+    seen: f64,
+}
+
+fn over_time(
+    window: &[BlendFrame<'_>],
+    centre: usize,
+    (x, y): (usize, usize),
+    gather: &Gather,
+    brightness: f64,
+) -> OverTime {
+    let here = &window[centre];
+    let p = y * here.features.size.width + x;
+    let difference = |frame: &BlendFrame<'_>, q: usize| -> [f64; 3] {
+        [0, 1, 2].map(|c| f64::from(frame.input.data()[q][c]) - f64::from(frame.picture.data()[q][c]))
+    };
+    let sum = |frame: &BlendFrame<'_>, q: usize| frame.picture.data()[q].iter().sum::<f32>() + LEAST_BRIGHTNESS;
+    let own = difference(here, p);
+    let mut met = Vec::new();
+    for forward in [false, true].into_iter().filter(|forward| !forward || gather.future) {
+        let mut at = [x as f32, (here.features.first_row + y) as f32];
+        let origin = at[1];
+        let (mut q, mut frame) = (p, centre);
+        for _ in 0..FRAMES {
+            let next = if forward { frame + 1 } else { frame.wrapping_sub(1) };
+            let Some(there) = window.get(next) else { break };
+            let reflected = here.features.is_mirror(p);
+            let found = follow(window[frame].features, there.features, forward, reflected, (&mut at, q));
+            let farthest = gather.travel * here.features.picture_height as f32;
+            let Some(found) = found.filter(|_| (at[1] - origin).abs() <= farthest) else { break };
+            (q, frame) = (found, next);
+            let ratio = f64::from((sum(here, p) / sum(there, q)).clamp(1.0 / MOST_CHANGE, MOST_CHANGE));
+            met.push(difference(there, q).map(|d| d * ratio));
+        }
+    }
+    let all = (2 * FRAMES) as f64;
+    let change: f64 = met.iter().flat_map(|d| (0..3).map(|c| 0.5 * (own[c] - d[c]).powi(2))).sum();
+    let total = [0, 1, 2].map(|c| own[c] + met.iter().map(|d| d[c]).sum::<f64>());
+    OverTime {
+        mean: total.map(|v| v / brightness / (1.0 + met.len() as f64)),
+        change: change / brightness.powi(2) / all,
+        seen: met.len() as f64 / all,
+    }
+}
+
+/// The mean over a window of 2 `radius` + 1 pixels, of what lies in the picture.
+fn mean(w: usize, h: usize, (x, y): (usize, usize), radius: usize, f: impl Fn(usize, usize) -> f64) -> f64 {
+    let (mut sum, mut count) = (0.0, 0.0);
+    for v in y.saturating_sub(radius)..(y + radius + 1).min(h) {
+        for u in x.saturating_sub(radius)..(x + radius + 1).min(w) {
+            sum += f(u, v);
+            count += 1.0;
+        }
+    }
+    sum / count
+}
+
+/// A value less its binomial mean over 3x3; beyond the border the border counts.
+fn high_pass(w: usize, h: usize, (x, y): (usize, usize), at: &dyn Fn(usize, usize) -> [f64; 3]) -> [f64; 3] {
+    let mut blurred = [0.0; 3];
+    for (dy, wy) in [(-1, 0.25), (0, 0.5), (1, 0.25)] {
+        for (dx, wx) in [(-1, 0.25), (0, 0.5), (1, 0.25)] {
+            let place = |v: usize, d: isize, limit: usize| (v as isize + d).clamp(0, limit as isize - 1) as usize;
+            let value = at(place(x, dx, w), place(y, dy, h));
+            for c in 0..3 {
+                blurred[c] += wx * wy * value[c];
+            }
+        }
+    }
+    let value = at(x, y);
+    [0, 1, 2].map(|c| value[c] - blurred[c])
+}
