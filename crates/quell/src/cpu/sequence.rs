@@ -2,7 +2,7 @@
 
 use super::passes;
 use crate::sequence::SequenceStages;
-use crate::stages::{blend, feature_noise, gather, recombine, reflection_motion};
+use crate::stages::{blend, feature_noise, gather, recombine, reflection_motion, stabilise};
 
 /// Every stage's `cpu.rs`, under the schedules of `passes/`.
 pub(crate) static STAGES: SequenceStages = SequenceStages {
@@ -13,6 +13,7 @@ pub(crate) static STAGES: SequenceStages = SequenceStages {
     wavelet: passes::wavelet::run,
     sum: recombine::cpu::sum,
     input: recombine::cpu::input,
+    likeness: stabilise::likeness::run,
     stabilise: passes::stabilise::run,
     blend: blend::cpu::run,
     rescale: recombine::cpu::rescale,

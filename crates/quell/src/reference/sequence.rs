@@ -12,6 +12,7 @@ pub(crate) static STAGES: SequenceStages = SequenceStages {
     wavelet: wavelet::reference::run,
     sum: recombine::reference::sum,
     input: recombine::reference::input,
+    likeness: stabilise::reference::likeness,
     stabilise: stabilise::reference::run,
     blend: blend::reference::run,
     rescale: recombine::reference::rescale,

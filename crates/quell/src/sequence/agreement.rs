@@ -26,7 +26,7 @@ struct Bound {
 }
 
 /// Of each stage, with the reason.
-const BOUNDS: [(&str, Bound); 11] = [
+const BOUNDS: [(&str, Bound); 12] = [
     // Costs of patches add up in another order, so that of two offsets that cost the same either may win.
     ("reflection_motion", Bound { relative: 1e-5, flips: 0.01 }),
     // The same arithmetic in the same order.
@@ -41,6 +41,8 @@ const BOUNDS: [(&str, Bound); 11] = [
     ("sum", Bound { relative: 1e-6, flips: 0.0 }),
     // A sum of seven products.
     ("input", Bound { relative: 1e-6, flips: 0.0 }),
+    // Sums of squares in f32, in the reference in f64.
+    ("likeness", Bound { relative: 2e-5, flips: 0.0 }),
     // Another form of the cubic's polynomials.
     ("stabilise", Bound { relative: 2e-5, flips: 0.0 }),
     // Windows summed in another order; logarithms of small differences of large numbers, through a net.
@@ -118,6 +120,22 @@ fn colours(name: &str, plane: &Plane<Rgb>) -> (String, Vec<f32>) {
     (name.to_owned(), plane.data().iter().flatten().copied().collect())
 }
 
+/// Binomial 3x3, the border left as it is: a picture that differs from the one that came.
+fn blurred(picture: &Plane<Rgb>) -> Plane<Rgb> {
+    let Size { width, height } = picture.size();
+    Plane::from_fn(picture.size(), |x, y| {
+        if x == 0 || y == 0 || x + 1 == width || y + 1 == height {
+            return picture.at(x, y);
+        }
+        let tent = |d: usize| if d == 1 { 0.5 } else { 0.25 };
+        let nine = (0..3).flat_map(|j| (0..3).map(move |i| (i, j)));
+        nine.fold([0.0; 3], |sum, (i, j)| {
+            let c = picture.at(x + i - 1, y + j - 1);
+            [0, 1, 2].map(|k| sum[k] + tent(i) * tent(j) * c[k])
+        })
+    })
+}
+
 fn motion(name: &str, plane: Option<&Plane<[f32; 2]>>) -> (String, Vec<f32>) {
     (name.to_owned(), plane.map(|p| p.data().iter().flatten().copied().collect()).unwrap_or_default())
 }
@@ -190,8 +208,23 @@ fn every_stage_agrees_with_its_reference() {
 
     let pictures: Vec<_> =
         (members.iter()).map(|frame| (stages_of(Backend::Cpu).sum)(frame, slots, &gathered.colours)).collect();
-    let shown: Vec<_> = (members.iter().zip(&pictures))
-        .map(|(f, picture)| StabiliseFrame { features: &f.features, picture, alpha: f.alpha.as_ref() })
+    check("input", |stages| vec![colours("input", &(stages.input)(here, slots, &filtered))]);
+    let raw: Vec<_> = (members.iter()).map(|frame| (stages_of(Backend::Cpu).input)(frame, slots, &filtered)).collect();
+    let smoothed: Vec<_> = pictures.iter().map(|picture| blurred(picture)).collect();
+    check("likeness", |stages| {
+        let likeness = (stages.likeness)(&smoothed[2], &raw[2], &s.stabilise);
+        vec![colours("guide", &likeness.guide), ("tolerance".to_owned(), likeness.tolerance.data().to_vec())]
+    });
+    let likeness: Vec<_> = (smoothed.iter().zip(&raw))
+        .map(|(picture, raw)| (stages_of(Backend::Cpu).likeness)(picture, raw, &s.stabilise))
+        .collect();
+    let shown: Vec<_> = (members.iter().zip(&pictures).zip(&likeness))
+        .map(|((f, picture), likeness)| StabiliseFrame {
+            features: &f.features,
+            picture,
+            likeness: Some(likeness),
+            alpha: f.alpha.as_ref(),
+        })
         .collect();
     check("stabilise", |stages| {
         let (picture, alpha) = (stages.stabilise)(&shown, 2, &s.gather, &s.stabilise);
@@ -199,11 +232,8 @@ fn every_stage_agrees_with_its_reference() {
     });
 
     let (steady, _) = (stages_of(Backend::Cpu).stabilise)(&shown, 2, &s.gather, &s.stabilise);
-    check("input", |stages| vec![colours("input", &(stages.input)(here, slots, &filtered))]);
-    let inputs: Vec<_> =
-        (members.iter()).map(|frame| (stages_of(Backend::Cpu).input)(frame, slots, &filtered)).collect();
     let samples = Plane::from_fn(SIZE, |x, y| 1.0 + 16.0 * random(x, y, 2, 11));
-    let shown: Vec<_> = (members.iter().zip(&inputs).zip(&pictures))
+    let shown: Vec<_> = (members.iter().zip(&raw).zip(&pictures))
         .map(|((f, input), picture)| BlendFrame { features: &f.features, input, picture, samples: &samples })
         .collect();
     let mut shares = None;
@@ -241,7 +271,7 @@ fn stages_agree_where_buffers_and_neighbours_are_missing() {
             let slots = gathered.slots;
             let filtered = (stages.wavelet)(&local, &slots, gathered.colours, variance, &s.wavelet);
             let picture = (stages.sum)(&frame, &slots, &filtered);
-            let only = StabiliseFrame { features: &frame.features, picture: &picture, alpha: None };
+            let only = StabiliseFrame { features: &frame.features, picture: &picture, likeness: None, alpha: None };
             let (steady, alpha) = (stages.stabilise)(&[only], 0, &s.gather, &s.stabilise);
             assert!(alpha.is_none());
             let passes = (stages.rescale)(&frame, &slots, &filtered, [&picture, &steady], None);

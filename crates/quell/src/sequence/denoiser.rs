@@ -3,7 +3,7 @@
 use super::accelerator::{self, AcceleratedWindow, Accelerator};
 use super::estimate::EstimateJob;
 use super::frame::{Filtered, FilteredLight, SequenceFrame};
-use super::pipeline::SequencePlan;
+use super::pipeline::{SequencePlan, SequenceStage};
 use super::run::{self, Estimate, SequenceStages, stages_of};
 use super::settings::SequenceSettings;
 use crate::denoiser::Backend;
@@ -223,7 +223,11 @@ impl SequenceDenoiser {
                 let (from, to) = (t.saturating_sub(steady), if future { (t + steady).min(last) } else { t });
                 for i in from..=to {
                     if self.entries[i].estimate.is_none() {
-                        let estimate = self.estimate(i).inspect_err(|_| self.clear())?;
+                        let mut estimate = self.estimate(i).inspect_err(|_| self.clear())?;
+                        if self.plan.runs(SequenceStage::Stabilise) {
+                            let s = &self.settings.stabilise;
+                            estimate.likeness = Some((self.stages.likeness)(&estimate.picture, &estimate.input, s));
+                        }
                         self.entries[i].estimate = Some(estimate);
                         self.entries[i].frame.estimated();
                     }
@@ -283,7 +287,7 @@ impl SequenceDenoiser {
                     let (slots, colours, samples) = job.estimated();
                     let picture = (stages.sum)(frame, &slots, &colours);
                     let input = (stages.input)(frame, &slots, &colours);
-                    return Ok(Estimate { slots, colours, picture, input, samples });
+                    return Ok(Estimate { slots, colours, picture, input, samples, likeness: None });
                 }
             }
         }

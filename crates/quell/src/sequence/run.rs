@@ -11,7 +11,7 @@ use crate::plane::{Plane, Size};
 use crate::stages::blend::{Blend, BlendFrame};
 use crate::stages::gather::Gathered;
 use crate::stages::reflection_motion::ReflectionMotion;
-use crate::stages::stabilise::StabiliseFrame;
+use crate::stages::stabilise::{Likeness, StabiliseFrame};
 use crate::window::{Features, LightSlot, LocalFeatures, PreparedFrame, Rows};
 
 /// Of each light the variance that the renderer gave, NaN where it is unknown.
@@ -35,6 +35,7 @@ pub(crate) struct SequenceStages {
     pub wavelet: fn(&LocalFeatures, &[LightSlot], Rows, Rows, &Wavelet) -> Rows,
     pub sum: fn(&PreparedFrame, &[LightSlot], &Rows) -> Plane<Rgb>,
     pub input: fn(&PreparedFrame, &[LightSlot], &Rows) -> Plane<Rgb>,
+    pub likeness: fn(&Plane<Rgb>, &Plane<Rgb>, &Stabilise) -> Likeness,
     pub stabilise: fn(&[StabiliseFrame<'_>], usize, &Gather, &Stabilise) -> SteadyPicture,
     pub blend: BlendStage,
     pub rescale: Rescale,
@@ -60,6 +61,8 @@ pub(crate) struct Estimate {
     pub input: Plane<Rgb>,
     /// The largest number of samples that a light's mean is worth.
     pub samples: Plane<f32>,
+    /// What `stabilise` compares neighbours by, where it does.
+    pub likeness: Option<Likeness>,
 }
 
 /// What the stages of one frame hand on to each other.
@@ -105,7 +108,7 @@ pub(crate) fn estimate(
         work.run(stage, accelerator)?;
     }
     let Work { gathered: Gathered { slots, colours, .. }, picture, input, samples, .. } = work;
-    Ok(Estimate { slots, colours, picture, input, samples })
+    Ok(Estimate { slots, colours, picture, input, samples, likeness: None })
 }
 
 impl Work<'_> {
@@ -211,6 +214,7 @@ fn stabilise_window<'a>(frames: &'a [(&PreparedFrame, &Estimate)]) -> Vec<Stabil
     let one = |(frame, estimate): &(&'a PreparedFrame, &'a Estimate)| StabiliseFrame {
         features: &frame.features,
         picture: &estimate.picture,
+        likeness: estimate.likeness.as_ref(),
         alpha: frame.alpha.as_ref(),
     };
     frames.iter().map(one).collect()

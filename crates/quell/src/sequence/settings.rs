@@ -79,6 +79,14 @@ parameters! {
             higher "Less noise, more smear on what moves.", lower "Noisier.", source "ours";
         least_share: f32 = 0.01, 0.0..=0.25, "of a pixel", "Pixels of the bilinear footprint with less are left out.",
             higher "Cheaper, a little blocky.", lower "Dearer.", source "ours";
+        light_deviations: f32 = 1.0, 0.0..=64.0, "standard deviations", "How far a light's mean over 5x5 pixels of the surface may differ in another frame, in deviations of both means, where noise is weak.",
+            higher "Less noise; moving shadows and highlights smear.", lower "Noisier where light changes.", source "ours: docs/sequence.md";
+        light_deviations_high: f32 = 2.0, 0.0..=64.0, "standard deviations", "The same where noise is strong: few samples a pixel have rare bright ones.",
+            higher "Less noise; moving shadows and highlights smear.", lower "Noisier.", source "ours";
+        light_noise: f32 = 0.1, 0.0..=16.0, "of the light", "Deviation of the means at which it lies half between (in squares).",
+            higher "`gather.light_deviations` counts sooner.", lower "Later.", source "ours";
+        light_contrast: f32 = 0.005, 0.0..=1.0, "of the light", "How far they may differ beyond that.",
+            higher "Slow changes of light lag.", lower "Light without noise loses samples by rounding.", source "ours";
         same_noise: f32 = 0.75, 0.0..=16.0, "pixels", "Where one seed was used for all frames, the noise of a pixel is repeated within this distance.",
             higher "Slow motion loses samples.", lower "The same noise counts twice.", source "ours";
     }
@@ -107,6 +115,12 @@ parameters! {
             higher "Smoother.", lower "Noisier.", source "ours";
         mirror: f32 = 2.5, 0.0..=64.0, "standard deviations", "Of what mirrors and clear glass show.",
             higher "Shadows seen in mirrors fade.", lower "Noisier mirrors.", source "ours";
+        low: f32 = 0.25, 0.0..=64.0, "standard deviations", "The luminance stop of all light where little noise is left.",
+            higher "Smoother with many samples a pixel.", lower "Detail stays with many samples a pixel.", source "ours: docs/sequence.md";
+        low_noise: f32 = 0.1, 0.0..=16.0, "of the luminance", "Deviation of a compared mean at which the stop lies half between (in squares).",
+            higher "`wavelet.low` counts sooner.", lower "Later; 0: never.", source "ours";
+        variance_ratio: f32 = 8.0, 0.0..=1e9, "times a pixel's own", "The most that a neighbour's variance counts in the luminance stop.",
+            higher "Light with noise leaks into light without.", lower "Fireflies stay.", source "ours";
         normal: f32 = 48.0, 0.0..=1000.0, "per 1 - cosine", "Fall of the weight between normals.",
             higher "Sharper creases, less smoothing of curved surfaces.", lower "Light leaks round corners.", source "SVGF: 128th power";
         depth: f32 = 0.01, 1e-5..=1.0, "of depth", "Tolerance of the depth that the tangent plane predicts.",
@@ -130,7 +144,7 @@ parameters! {
     }
     /// Each picture averaged with its neighbours in time, limited to its own local range.
     stabilise: Stabilise {
-        frames: u32 = 2, 0..=8, "frames", "Neighbours on each side.",
+        frames: u32 = 3, 0..=8, "frames", "Neighbours on each side.",
             higher "Steadier and smoother edges, a little softer.", lower "More flicker.", source "ours";
         decay: f32 = 0.8, 0.0..=1.0, "per frame", "Weight of a neighbour one frame further away.",
             higher "Steadier.", lower "Sharper.", source "ours";
@@ -140,6 +154,12 @@ parameters! {
             higher "Moving reflections smear.", lower "They stay noisy.", source "ours";
         departure: f32 = 1.0, 0.0..=64.0, "pixels", "How far the reflection's motion may differ from the surface's for that.",
             higher "Moving reflections smear.", lower "They stay noisy.", source "ours";
+        likeness: f32 = 0.22, 0.0..=64.0, "of the variance", "How far smoothed pictures may differ, squared, in variances of both pictures.",
+            higher "Patterns and reflections smear.", lower "More flicker.", source "ours: docs/sequence.md";
+        residue: f32 = 0.1, 0.0..=1.0, "of the noise's variance", "Noise of the frame as it came that the filtered picture is believed to keep.",
+            higher "Patterns and reflections smear.", lower "More flicker.", source "ours";
+        contrast: f32 = 0.1, 0.0..=1.0, "of the picture", "The most that `stabilise.residue` comes to.",
+            higher "Patterns smear where noise is strong.", lower "More flicker there.", source "ours";
         nearer: f32 = 1.02, 1.0..=4.0, "times 1/depth", "How much nearer a neighbour in 3x3 must be to stand in front: more than the slope of one surface makes.",
             higher "Silhouettes move with what is behind.", lower "Slanted surfaces move with their nearest pixel.", source "ours";
         depth_change: f32 = 0.1, 0.0..=1.0, "of depth", "Most change of depth a frame of what is in front.",

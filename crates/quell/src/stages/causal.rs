@@ -87,8 +87,10 @@ fn run(backend: Backend, count: i64) -> (Plane<Rgb>, Plane<Rgb>) {
         let sum = |x, y| [0, 1, 2].map(|c| filtered.at(x, y, c) + filtered.at(x, y, 3 + c));
         past.push((features, Plane::from_fn(SIZE, sum)));
     }
-    let window: Vec<_> =
-        past.iter().map(|(features, picture)| StabiliseFrame { features, picture, alpha: None }).collect();
+    let window: Vec<_> = past
+        .iter()
+        .map(|(features, picture)| StabiliseFrame { features, picture, likeness: None, alpha: None })
+        .collect();
     let causal = Gather { future: false, ..Gather::default() };
     let (picture, _) = (stages.stabilise)(&window, window.len() - 1, &causal, &Stabilise::default());
     (picture, raw)

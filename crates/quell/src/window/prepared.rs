@@ -1,6 +1,7 @@
 //! A frame made ready for the stages: a third of its size as it came.
 
 use super::features::{Features, MotionPlanes};
+use super::light_means::LightMeans;
 use super::local::Class;
 use super::packed::{Packed, Weight};
 use crate::error::Error;
@@ -50,6 +51,8 @@ pub struct PreparedFrame {
     /// Of each light.
     pub(crate) stored: Vec<Samples>,
     pub(crate) samples: Packed,
+    /// Means of the light around each pixel; none where `gather` does not ask.
+    pub(crate) means: LightMeans,
     /// What multiplies each light back; `None`: 1.
     pub(crate) weights: Vec<Option<Arc<Weight>>>,
     pub(crate) in_beauty: Vec<bool>,
@@ -85,7 +88,7 @@ impl PreparedFrame {
         // In a medium even noise-free light behind it has noise: whether a ray gets there is chance.
         let lit = |light: &Light| light.light.data().iter().flatten().any(|&c| c > 0.0);
         let foggy = frame.lights.iter().any(|l| l.kind == LightKind::Volume && lit(l));
-        let shape = frame.lights.iter().map(|l| (l.kind, 1 + l.joint.len())).collect();
+        let shape: Vec<_> = frame.lights.iter().map(|l| (l.kind, 1 + l.joint.len())).collect();
         let mut slots = Vec::with_capacity(frame.lights.len());
         let mut stored = Vec::with_capacity(frame.lights.len());
         let mut weights: Vec<Option<Arc<Weight>>> = Vec::with_capacity(frame.lights.len());
@@ -129,6 +132,12 @@ impl PreparedFrame {
                 }
             }
         });
+        let behind: Vec<bool> = shape.iter().map(|(kind, _)| *kind == LightKind::NoiseFree).collect();
+        let means = if settings.gather.frames > 0 {
+            LightMeans::new(&features, &slots, &behind, &stored, &samples, &settings.gather)
+        } else {
+            LightMeans::default()
+        };
         let unfit = if !samples.beyond.is_empty() {
             Some("colours beyond half precision")
         } else if features.surface.iter().any(|s| s.inverse_depth > MOST_INVERSE_DEPTH) {
@@ -144,6 +153,7 @@ impl PreparedFrame {
             slots,
             stored,
             samples,
+            means,
             in_beauty,
             weights,
             alpha: frame.alpha,

@@ -83,6 +83,8 @@ trait Visitor {
 /// All planes of a frame, in one order.
 fn visit(frame: &mut PreparedFrame, v: &mut impl Visitor) -> io::Result<()> {
     packed(&mut frame.samples, v)?;
+    let lights = frame.means.lights;
+    v.elements(&mut frame.means.data, lights)?;
     let mut weights: Vec<Option<Arc<Weight>>> = Vec::with_capacity(frame.weights.len());
     for (i, weight) in frame.weights.iter().enumerate() {
         let Some(weight) = weight else {

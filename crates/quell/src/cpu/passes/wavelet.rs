@@ -11,21 +11,27 @@ use crate::window::{LightSlot, LocalFeatures, Rows};
 pub(crate) fn run(local: &LocalFeatures, slots: &[LightSlot], colours: Rows, variance: Rows, s: &Wavelet) -> Rows {
     let (mut colours, mut variance) = (colours, variance);
     let most = slots.iter().map(|slot| levels(s, slot.kind)).max().unwrap_or(0);
-    for level in 0..most {
+    let mut first = Rows::empty();
+    for level_number in 0..most {
+        let level = level_number;
         let compared = compared(local, slots, &colours, &variance, s);
         let active: Vec<usize> = (0..slots.len()).filter(|&l| levels(s, slots[l].kind) > level).collect();
-        let (step, compared) = (1 << level, &compared);
+        let step = 1 << level;
         let level = Level {
             local,
             slots,
             colours: &colours,
             variance: &variance,
-            compared,
+            compared: &compared,
+            first: if level_number == 0 { &compared } else { &first },
             step,
             active: &active,
             settings: s,
         };
         (colours, variance) = filter(&level);
+        if level_number == 0 {
+            first = compared;
+        }
     }
     colours
 }

@@ -2,7 +2,7 @@
 //! threads, one trajectory for all lights.
 
 use super::trajectory::{Tap, taps};
-use super::{Gathered, LEAST_COUNT, Place, decay, lit, seen_distance};
+use super::{FREE_COUNT, Gathered, LEAST_COUNT, Place, decay, light_likeness, lit, mean_of, seen_distance};
 use crate::frame::Rgb;
 use crate::kernels::guide_distance::weight;
 use crate::kernels::math::luminance;
@@ -84,13 +84,16 @@ impl Trajectory {
 }
 
 /// What the loop over pixels knows of a light.
-struct Light {
+struct Light<'a> {
     /// Weight of a sample by its distance in frames.
     powers: Vec<f32>,
     /// Where each frame of the window has it.
     places: Vec<Place>,
     /// What mirrors and glass show counts.
     seen: bool,
+    /// Where each frame of the window has its means.
+    means: Vec<Option<usize>>,
+    gather: &'a Gather,
 }
 
 /// The mean of one pixel.
@@ -103,8 +106,8 @@ struct Mean {
     count: f32,
 }
 
-impl Light {
-    fn new(window: &[&PreparedFrame], slot: &LightSlot, gather: &Gather) -> Self {
+impl<'a> Light<'a> {
+    fn new(window: &[&PreparedFrame], slot: &LightSlot, gather: &'a Gather) -> Self {
         let power = |p: &mut f32, _| {
             let now = *p;
             *p *= decay(gather, slot.kind);
@@ -114,6 +117,8 @@ impl Light {
             powers: (0..=gather.frames).scan(1.0, power).collect(),
             places: window.iter().map(|frame| Place::of(frame, slot.light)).collect(),
             seen: Class::of(slot.kind) == Class::Seen,
+            means: window.iter().map(|frame| frame.means.places.get(slot.light).copied().flatten()).collect(),
+            gather,
         }
     }
 
@@ -127,14 +132,21 @@ impl Light {
             Place::At(first) => luminance(window[centre].samples.at(first, p)),
             _ => 0.0,
         };
+        let here = mean_of(window[centre], self.means[centre], p);
+        let free = here[1] < 0.0;
         let likeness = if self.seen { &met.likeness[..] } else { &[] };
-        for (k, tap) in met.taps.iter().enumerate() {
+        // Without noise: itself alone.
+        let taps = if free { &met.taps[..1] } else { &met.taps[..] };
+        for (k, tap) in taps.iter().enumerate() {
             let seen = likeness.get(k).copied().unwrap_or(1.0);
-            let weight = tap.weight * self.powers[tap.distance as usize] * seen;
+            let mut weight = tap.weight * self.powers[tap.distance as usize] * seen;
             if weight == 0.0 {
                 continue;
             }
             let (frame, pixel) = (tap.frame as usize, tap.pixel as usize);
+            if k > 0 {
+                weight *= light_likeness(here, mean_of(window[frame], self.means[frame], pixel), self.gather);
+            }
             let mut off = -pivot;
             match self.places[frame] {
                 Place::Unknown => continue,
@@ -158,9 +170,9 @@ impl Light {
             total += weight;
             squares += weight * weight;
         }
-        let count = total * total / squares;
+        let count = if free { FREE_COUNT } else { total * total / squares };
         let mean = luminance(sums[0].map(|s| s / total)) - pivot;
         let spread = (second / total - mean * mean).max(0.0);
-        Mean { total, spread: if count > LEAST_COUNT { spread * count / (count - 1.0) } else { 0.0 }, count }
+        Mean { total, spread: if count > LEAST_COUNT && !free { spread * count / (count - 1.0) } else { 0.0 }, count }
     }
 }

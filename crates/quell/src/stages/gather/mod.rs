@@ -6,7 +6,8 @@
 //! | writes | [`Gathered`]: of each light its mean, the variance of one sample, and the samples that the mean is worth |
 //! | reach | `gather.frames` frames before and after; 2 rows around where motion leads |
 //! | equation | mean = sum w c / sum w; n = (sum w)^2 / sum w^2; variance of a sample = weighted spread * n / (n - 1) |
-//! | weight | bilinear share * trust in the surface * decay^distance * likeness of what mirrors show |
+//! | weight | bilinear share * trust in the surface * decay^distance * likeness of what mirrors show * likeness of the light |
+//! | likeness of the light | 1 where d^2 <= t, else (t / d^2)^2; d: difference of the means over 5x5 of the same surface in both frames; t = k^2 (v + v') + (`light_contrast` m)^2, v: variances of these means; k^2 from `light_deviations`^2 to `light_deviations_high`^2 as (v + v') / m^2 passes `light_noise`^2 |
 //! | source | ours: `docs/sequence.md` |
 //! | parameters | `gather.*` |
 //!
@@ -14,6 +15,8 @@
 //! (`trajectory.rs`), and each sample is fetched once: no repeated resampling. A pixel there shows the same surface where it
 //! lies on the tangent plane of the surface here and normals agree (it stands). Off that plane, it must have about the same depth and
 //! normal, and motion there and back again must end where it began, where there is motion back (it moves; `moving_weight`).
+//! Light that changed is other light, however sure the surface: a shadow or a lamp that moves, a highlight on what turns. What a
+//! surface or the sky emits passes as it is where no medium is lit.
 //! Where one seed was used for all frames, samples of a pixel that stands are left out: they have the same noise.
 
 #[cfg(feature = "cpu")]
@@ -30,6 +33,11 @@ use crate::window::{Features, LightSlot, PreparedFrame, Rows, Samples};
 
 /// The worth of a mean in samples from which its spread says something of its variance.
 pub(crate) const LEAST_COUNT: f32 = 1.01;
+
+/// Samples that a pixel without noise is worth: its variance is 0, and beside it that of pixels with noise still counts.
+pub(crate) const FREE_COUNT: f32 = 16.0;
+/// Keeps a quotient finite where there is neither light nor noise.
+const LEAST_NOISE: f32 = 1e-20;
 
 /// What is known of every light before any filter over the image.
 #[derive(Clone, Debug, PartialEq)]
@@ -112,4 +120,32 @@ pub(crate) fn seen_distance(here: &Features, p: usize, other: &Features, q: usiz
     let cosine = na[0] * nb[0] + na[1] * nb[1] + na[2] * nb[2];
     let has_normals = na != [0.0; 3] || nb != [0.0; 3];
     colour + if has_normals { gather.seen_normal * (1.0 - cosine) } else { 0.0 }
+}
+
+/// Mean of a light around a pixel of a frame, and its deviation; where the frame has none of it, or nothing is known, 0.
+#[inline(always)]
+pub(crate) fn mean_of(frame: &PreparedFrame, place: Option<usize>, pixel: usize) -> [f32; 2] {
+    place.map_or([0.0; 2], |place| frame.means.at(place, pixel))
+}
+
+/// What is left of a sample's weight where its light differs by more than noise from the light here. Each: mean and its
+/// deviation.
+#[inline(always)]
+pub(crate) fn light_likeness(here: [f32; 2], there: [f32; 2], gather: &Gather) -> f32 {
+    let d = here[0] - there[0];
+    let mean = 0.5 * (here[0] + there[0]);
+    let (a, b) = (here[1].max(0.0), there[1].max(0.0));
+    let noise = a * a + b * b;
+    let (low, high) = (gather.light_deviations, gather.light_deviations_high);
+    let scale = gather.light_noise * mean;
+    let share = noise / (noise + scale * scale + LEAST_NOISE);
+    let deviations = low * low + (high * high - low * low).max(0.0) * share;
+    let contrast = gather.light_contrast * mean;
+    let allowed = deviations * noise + contrast * contrast;
+    let squared = d * d;
+    if squared <= allowed {
+        return 1.0;
+    }
+    let left = allowed / squared;
+    left * left
 }

@@ -1,6 +1,6 @@
 //! The specification of `gather`.
 
-use super::{Gathered, LEAST_COUNT, Place, decay, lit, seen_distance};
+use super::{FREE_COUNT, Gathered, LEAST_COUNT, LEAST_NOISE, Place, decay, lit, seen_distance};
 use crate::kernels::bilinear::footprint;
 use crate::kernels::guide_distance::weight;
 use crate::kernels::math::luminance;
@@ -53,6 +53,19 @@ fn mean(window: &[&PreparedFrame], centre: usize, p: usize, slot: &LightSlot, me
     if let Samples::Own(own) = &here.stored[slot.light] {
         return Mean { colours: own.iter().map(|plane| plane.data()[p]).collect(), spread: 0.0, count: 1.0 };
     }
+    let around = |frame: &PreparedFrame, pixel: usize| {
+        let place = frame.means.places.get(slot.light).copied().flatten();
+        place.map_or([0.0; 2], |place| frame.means.at(place, pixel))
+    };
+    let light_here = around(here, p);
+    if light_here[1] < 0.0 {
+        // Noise-free light of a frame with media, where none is lit: as it came.
+        let Place::At(first) = Place::of(here, slot.light) else {
+            return Mean { colours: vec![[0.0; 3]; slot.planes], spread: 0.0, count: FREE_COUNT };
+        };
+        let colours = (0..slot.planes).map(|k| here.samples.at(first + k, p)).collect();
+        return Mean { colours, spread: 0.0, count: FREE_COUNT };
+    }
     let mut weighted: Vec<(f64, Vec<[f32; 3]>)> = Vec::new();
     for m in met {
         let there = window[m.frame];
@@ -61,6 +74,7 @@ fn mean(window: &[&PreparedFrame], centre: usize, p: usize, slot: &LightSlot, me
             _ => 1.0,
         };
         let w = m.weight * decay(s, slot.kind).powi(m.distance as i32) * likeness;
+        let w = if m.distance > 0 { w * same_light(light_here, around(there, m.pixel), s) } else { w };
         let samples = match Place::of(there, slot.light) {
             Place::Unknown => continue,
             Place::Black => vec![[0.0; 3]; slot.planes],
@@ -80,6 +94,21 @@ fn mean(window: &[&PreparedFrame], centre: usize, p: usize, slot: &LightSlot, me
         spread: if sure { (spread * count / (count - 1.0)) as f32 } else { 0.0 },
         count: count as f32,
     }
+}
+
+/// How far a sample of another frame counts, by the means of the light around: 1 where they differ by no more than noise
+/// explains. Each: mean, deviation.
+fn same_light(here: [f32; 2], there: [f32; 2], s: &Gather) -> f32 {
+    let variance = here[1].max(0.0).powi(2) + there[1].max(0.0).powi(2);
+    let mean = (here[0] + there[0]) / 2.0;
+    if here[0] == there[0] {
+        return 1.0;
+    }
+    let noisy = variance / (variance + (s.light_noise * mean).powi(2) + LEAST_NOISE);
+    let low = s.light_deviations.powi(2);
+    let high = s.light_deviations_high.powi(2).max(low);
+    let allowed = (low + (high - low) * noisy) * variance + (s.light_contrast * mean).powi(2);
+    (allowed / (here[0] - there[0]).powi(2)).min(1.0).powi(2)
 }
 
 /// The pixel itself, and those of the other frames that show its surface, or what is reflected there.

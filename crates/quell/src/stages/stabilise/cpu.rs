@@ -1,6 +1,7 @@
 //! A pixel of the steadier picture.
 
-use super::{StabiliseFrame, seen_difference};
+use super::likeness::share;
+use super::{Likeness, StabiliseFrame, seen_difference};
 use crate::frame::Rgb;
 use crate::kernels::guide_distance::weight;
 use crate::sequence::settings::{Gather, Stabilise};
@@ -49,7 +50,11 @@ impl Neighbourhood<'_> {
                 };
                 let other = &self.window[to];
                 let Some(likeness) = track.step(self.window[from].features, other.features, forward) else { break };
-                let weight = decayed * likeness;
+                let mut weight = decayed * likeness;
+                if let (Some(a), Some(b)) = (here.likeness, other.likeness) {
+                    let there = linear(other.features, track.at, b);
+                    weight *= share((a.guide.at(x, y), a.tolerance.at(x, y)), there);
+                }
                 let taps = CubicTaps::new(other.features, track.at);
                 let c = taps.fetch(|i| other.picture.data()[i]);
                 for i in 0..3 {
@@ -202,6 +207,26 @@ fn front(features: &Features, x: usize, y: usize, nearer: f32) -> Front {
         }
     }
     best
+}
+
+/// Guide and tolerance between pixels; beyond the border the border counts.
+fn linear(f: &Features, (x, y): (f32, f32), likeness: &Likeness) -> (Rgb, f32) {
+    let (fx, fy) = (x.floor(), y.floor());
+    let column = |i: usize| (fx as usize + i).min(f.size.width - 1);
+    let row = |j: usize| (fy as usize + j).min(f.picture_height - 1).saturating_sub(f.first_row).min(f.size.height - 1);
+    let (tx, ty) = (x - fx, y - fy);
+    let mut sum = ([0.0f32; 3], 0.0f32);
+    for (j, v) in [1.0 - ty, ty].into_iter().enumerate() {
+        for (i, u) in [1.0 - tx, tx].into_iter().enumerate() {
+            let (at, share) = ((column(i), row(j)), u * v);
+            let guide = likeness.guide.at(at.0, at.1);
+            for c in 0..3 {
+                sum.0[c] += share * guide[c];
+            }
+            sum.1 += share * likeness.tolerance.at(at.0, at.1);
+        }
+    }
+    sum
 }
 
 /// Catmull-Rom's sixteen taps; beyond the border the border counts.

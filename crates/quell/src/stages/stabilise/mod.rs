@@ -3,17 +3,21 @@
 //!
 //! | | |
 //! |---|---|
-//! | reads | filtered pictures and coverage of the frames around, their depth, motion and mirrors |
+//! | reads | filtered pictures, the same as they came, and coverage of the frames around, their depth, motion and mirrors |
 //! | writes | the steadier picture, and its coverage |
 //! | reach | `stabilise.frames` frames before and after; 6 pixels in a frame: 3 of the cubic, 1 of the range, 2 of what is in front before and after motion; 2 rows where motion is rounded |
-//! | equation | out = (c + sum_k w_k clamp(c_k, low, high)) / (1 + sum_k w_k), w_k = decay^(k - 1) * likeness of what a mirror shows |
+//! | equation | out = (c + sum_k w_k clamp(c_k, low, high)) / (1 + sum_k w_k), w_k = decay^(k - 1) * likeness of what a mirror shows * t / (t + \|G - G_k\|^2) |
+//! | t | sum over both pictures of `likeness` min(v, n) + min(`residue` n, (`contrast` G)^2) / 2; G: binomial 3x3 of the median in 3x3; v: mean over 3x3 of \|P - binomial P\|^2; n: mean over 5x5 of \|P - P as it came\|^2 |
 //! | source | temporal anti-aliasing (Karis 2014) with both neighbours in time; ours: `docs/sequence.md` |
 //! | parameters | `stabilise.*`, `gather.travel`, `gather.future` |
 //!
+//! A neighbour counts where it shows the same. How far it may differ shrinks with the noise that the frame came with.
 //! Silhouettes gain samples, and what the wavelet decided differently from frame to frame evens out.
 
 #[cfg(feature = "cpu")]
 pub(crate) mod cpu;
+#[cfg(feature = "cpu")]
+pub(crate) mod likeness;
 pub mod reference;
 
 use crate::frame::Rgb;
@@ -22,6 +26,18 @@ use crate::reach::Reach;
 use crate::sequence::settings::Stabilise;
 use crate::window::Features;
 
+/// What a filtered picture shows without its noise: by it a neighbour in time counts. Made once a frame.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Likeness {
+    /// Binomial 3x3 of the median in 3x3: for weights alone, so that no energy is lost.
+    pub guide: Plane<Rgb>,
+    /// Squared difference of two guides that noise may make, this picture's part.
+    pub tolerance: Plane<f32>,
+}
+
+/// Pixels around, each way, over which the noise of the frame as it came is pooled.
+const POOL: usize = 2;
+
 /// A frame as the stage reads it.
 #[derive(Clone, Copy, Debug)]
 pub struct StabiliseFrame<'a> {
@@ -29,6 +45,8 @@ pub struct StabiliseFrame<'a> {
     pub features: &'a Features,
     /// The filtered picture, scene-linear.
     pub picture: &'a Plane<Rgb>,
+    /// What it shows without its noise; `None`: neighbours count whatever they show.
+    pub likeness: Option<&'a Likeness>,
     /// Coverage, 0..1.
     pub alpha: Option<&'a Plane<f32>>,
 }

@@ -1,6 +1,6 @@
 //! The specification of `stabilise`.
 
-use super::{StabiliseFrame, seen_difference};
+use super::{Likeness, POOL, StabiliseFrame, seen_difference};
 use crate::frame::Rgb;
 use crate::kernels::guide_distance::weight;
 use crate::plane::Plane;
@@ -46,6 +46,71 @@ pub fn run(
     (picture, alpha)
 }
 
+/// What a filtered picture shows without its noise, and how far that may be off. `raw`: the picture as it came.
+pub fn likeness(picture: &Plane<Rgb>, raw: &Plane<Rgb>, s: &Stabilise) -> Likeness {
+    let size = picture.size();
+    let clamped = |v: usize, d: isize, extent: usize| (v as isize + d).clamp(0, extent as isize - 1) as usize;
+    let nine = |plane: &Plane<Rgb>, x: usize, y: usize, c: usize| -> Vec<f32> {
+        let offsets = (-1..=1isize).flat_map(|dy| (-1..=1isize).map(move |dx| (dx, dy)));
+        offsets.map(|(dx, dy)| plane.at(clamped(x, dx, size.width), clamped(y, dy, size.height))[c]).collect()
+    };
+    let binomial = |plane: &Plane<Rgb>, x: usize, y: usize| {
+        [0, 1, 2].map(|c| {
+            let shares = [1.0, 2.0, 1.0, 2.0, 4.0, 2.0, 1.0, 2.0, 1.0];
+            nine(plane, x, y, c).iter().zip(shares).map(|(v, share)| f64::from(*v) * share / 16.0).sum::<f64>()
+        })
+    };
+    let median = Plane::from_fn(size, |x, y| {
+        [0, 1, 2].map(|c| {
+            let mut values = nine(picture, x, y, c);
+            values.sort_by(f32::total_cmp);
+            values[4]
+        })
+    });
+    let guide = Plane::from_fn(size, |x, y| binomial(&median, x, y).map(|v| v as f32));
+    let fine = |x: usize, y: usize| {
+        let around = binomial(picture, x, y);
+        (0..3).map(|c| (f64::from(picture.at(x, y)[c]) - around[c]).powi(2)).sum()
+    };
+    let noise = |x: usize, y: usize| {
+        (0..3).map(|c| (f64::from(picture.at(x, y)[c]) - f64::from(raw.at(x, y)[c])).powi(2)).sum()
+    };
+    let pooled = |value: &dyn Fn(usize, usize) -> f64, radius: usize, x: usize, y: usize| {
+        let mut values = Vec::new();
+        for qy in y.saturating_sub(radius)..(y + radius + 1).min(size.height) {
+            values.extend((x.saturating_sub(radius)..(x + radius + 1).min(size.width)).map(|qx| value(qx, qy)));
+        }
+        values.iter().sum::<f64>() / values.len() as f64
+    };
+    let tolerance = Plane::from_fn(size, |x, y| {
+        let (fine, noise) = (pooled(&fine, 1, x, y), pooled(&noise, POOL, x, y));
+        let bright: f64 = guide.at(x, y).iter().map(|v| f64::from(*v).powi(2)).sum();
+        let kept = (f64::from(s.residue) * noise).min(f64::from(s.contrast).powi(2) * bright) / 2.0;
+        (f64::from(s.likeness) * fine.min(noise) + kept) as f32
+    });
+    Likeness { guide, tolerance }
+}
+
+/// How far a neighbour counts by what both pictures show.
+fn alike(here: &StabiliseFrame<'_>, (x, y): (usize, usize), there: &StabiliseFrame<'_>, at: [f32; 2]) -> f32 {
+    let (Some(a), Some(b)) = (here.likeness, there.likeness) else { return 1.0 };
+    let f = there.features;
+    let between = |value: &dyn Fn(usize) -> f32| {
+        let mut sum = 0.0;
+        for (i, j) in [(0, 0), (1, 0), (0, 1), (1, 1)] {
+            let (fx, fy) = (at[0].floor(), at[1].floor());
+            let column = (fx as usize + i).min(f.size.width - 1);
+            let row = (fy as usize + j).min(f.picture_height - 1).saturating_sub(f.first_row).min(f.size.height - 1);
+            let share = (1.0 - (at[0] - fx - i as f32).abs()) * (1.0 - (at[1] - fy - j as f32).abs());
+            sum += share * value(row * f.size.width + column);
+        }
+        sum
+    };
+    let unlike: f32 = (0..3).map(|c| (a.guide.at(x, y)[c] - between(&|i| b.guide.data()[i][c])).powi(2)).sum();
+    let allowed = a.tolerance.at(x, y) + between(&|i| b.tolerance.data()[i]);
+    if unlike == 0.0 { 1.0 } else { allowed / (allowed + unlike) }
+}
+
 /// A place in another frame that shows what the pixel shows.
 struct Visit {
     frame: usize,
@@ -88,7 +153,8 @@ fn visits(
             let Some(row) = to.features.row_here(at[1].round() as isize) else { break };
             let q = row * here.size.width + at[0].round() as usize;
             let unlike = if mirror { seen_difference(here, p, to.features, q) } else { 0.0 };
-            visits.push(Visit { frame, at, weight: decayed * weight(unlike / (2.0 * tolerance * tolerance)) });
+            let shown = alike(&window[centre], (x, y), to, at);
+            visits.push(Visit { frame, at, weight: decayed * shown * weight(unlike / (2.0 * tolerance * tolerance)) });
             decayed *= s.decay;
         }
     }

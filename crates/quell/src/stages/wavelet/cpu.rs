@@ -1,6 +1,6 @@
 //! The a-trous levels, whole rows on vectors; lights share the guide distances of a level.
 
-use super::{LEAST_VARIANCE, SPLINE, TENT, tolerance};
+use super::{LEAST_VARIANCE, SPLINE, TENT, stop_by_noise, tolerance};
 use crate::kernels::guide_distance::weight;
 use crate::kernels::guide_distance_cpu::{Offset, guide_distances};
 use crate::kernels::math::luminance;
@@ -66,6 +66,8 @@ pub(crate) struct Level<'a> {
     pub colours: &'a Rows,
     pub variance: &'a Rows,
     pub compared: &'a Rows,
+    /// What the first level compared.
+    pub first: &'a Rows,
     pub step: isize,
     /// The lights that take part.
     pub active: &'a [usize],
@@ -76,7 +78,7 @@ impl Level<'_> {
     /// One row of the colours and variances after the level.
     #[inline(always)]
     pub(crate) fn row(&self, y: usize, out: &mut [f32], out_variance: &mut [f32]) {
-        let Self { local, slots, colours, variance, compared, step, active, settings: s } = *self;
+        let Self { local, slots, colours, variance, compared, first, step, active, settings: s } = *self;
         let (w, h) = (local.size.width, local.size.height);
         let lights = slots.len();
         let classes: Vec<usize> = slots.iter().map(|s| Class::of(s.kind) as usize).collect();
@@ -98,7 +100,8 @@ impl Level<'_> {
             for (x, squared) in tolerances[l * w..][..w].iter_mut().enumerate() {
                 let mirror = Features::can_reflect(kind) && local.is_mirror(y * w + x);
                 let k = if mirror { s.mirror } else { tolerance(s, kind) };
-                *squared = k * k;
+                let (mean, spread) = (first.row(y, 2 * l)[x], first.row(y, 2 * l + 1)[x]);
+                *squared = stop_by_noise(k * k, mean, spread, s);
             }
         }
         for dy in -2..=2isize {
@@ -124,7 +127,7 @@ impl Level<'_> {
                         let (vp, vq) = (&o.centres(spread(y))[..n], &o.taps(spread(o.qy))[..n]);
                         for i in 0..n {
                             let d = mp[i] - mq[i];
-                            let v = vp[i] + vq[i];
+                            let v = vp[i] + vq[i].min(s.variance_ratio * vp[i]);
                             let contrast = s.least_contrast * mp[i];
                             let stop = (d * d - v).max(0.0) / (squared[i] * v + contrast * contrast + LEAST_VARIANCE);
                             weights[i] = share * weight(distance[i] + stop);

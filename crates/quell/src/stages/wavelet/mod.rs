@@ -6,12 +6,15 @@
 //! | writes | the filtered planes |
 //! | reach | sum over levels i of 2 * 2^i + 1 pixels |
 //! | equation | out = sum h w c / sum h w; variance' = sum (h w)^2 v / (sum h w)^2; w = weight(guide distance + stop) |
-//! | luminance stop | max(0, (m_p - m_q)^2 - v) / (k^2 v + (`least_contrast` m_p)^2), m: means over 3x3 of the same surface, v: the sum of their variances, k: `wavelet.matte` ... in deviations |
+//! | luminance stop | max(0, (m_p - m_q)^2 - v) / (k^2 v + (`least_contrast` m_p)^2), m: means over 3x3 of the same surface, v: v_p + min(v_q, `variance_ratio` v_p) of their variances, k: in deviations |
+//! | k^2 | from `low`^2 to the light's own (`wavelet.matte` ...)^2 as the first level's v_p passes (`low_noise` m_p)^2 |
 //! | source | Dammertz, Sewtz, Hanika, Lensch (HPG 2010); stop by variance: SVGF (Schied et al., HPG 2017) 4.4; 3x3 means and "- v" ours |
 //! | parameters | `wavelet.*` |
 //!
 //! The squared difference counts only beyond its expectation for equal light, v (if the noise of pixels is independent), so that noise alone
-//! stops little: at three deviations and k = 4 the weight is 0.6.
+//! stops little: at three deviations and k = 4 the weight is 0.6. With few samples a pixel the noise has rare bright ones, which a
+//! narrow stop would keep; with many a wide stop is a bias of as many deviations. Light without noise of its own passes, whatever
+//! noise its neighbours have.
 
 #[cfg(feature = "cpu")]
 pub(crate) mod cpu;
@@ -55,4 +58,13 @@ pub(crate) fn reach_of(levels: u32) -> Reach {
 /// How far the stage looks.
 pub(crate) fn reach(s: &Wavelet) -> Reach {
     reach_of(s.levels.max(s.transmission_levels))
+}
+
+/// The luminance stop squared, where the compared mean is `mean` with that variance: from `low` where there is little noise
+/// to `squared` where there is much.
+#[inline(always)]
+pub(crate) fn stop_by_noise(squared: f32, mean: f32, variance: f32, s: &Wavelet) -> f32 {
+    let low = (s.low * s.low).min(squared);
+    let scale = s.low_noise * mean;
+    low + (squared - low) * variance / (variance + scale * scale + LEAST_VARIANCE)
 }

@@ -10,8 +10,18 @@ use crate::window::{Class, Features, LightSlot, LocalFeatures, Rows};
 /// channel a light, of its luminance.
 pub fn run(local: &LocalFeatures, slots: &[LightSlot], mut colours: Rows, mut variance: Rows, s: &Wavelet) -> Rows {
     for (l, slot) in slots.iter().enumerate() {
+        let (w, h) = (local.size.width, local.size.height);
+        let compared = |colours: &Rows, variance: &Rows| -> Vec<[f64; 2]> {
+            (0..w * h).map(|p| mean_around(local, slot, l, (p % w, p / w), colours, variance, s)).collect()
+        };
+        let first = compared(&colours, &variance);
+        let mirror = |p: usize| Features::can_reflect(slot.kind) && local.is_mirror(p);
+        let stops: Vec<f64> = (0..w * h)
+            .map(|p| squared_stop(if mirror(p) { s.mirror } else { tolerance(s, slot.kind) }, first[p], s))
+            .collect();
         for level in 0..levels(s, slot.kind) {
-            (colours, variance) = a_level(local, slot, l, 1 << level, &colours, &variance, s);
+            let mean = compared(&colours, &variance);
+            (colours, variance) = a_level(local, slot, l, 1 << level, (&mean, &stops), &colours, &variance, s);
         }
     }
     colours
@@ -23,19 +33,16 @@ fn a_level(
     slot: &LightSlot,
     l: usize,
     step: isize,
+    (mean, stops): (&[[f64; 2]], &[f64]),
     colours: &Rows,
     variance: &Rows,
     s: &Wavelet,
 ) -> (Rows, Rows) {
     let (w, h) = (local.size.width, local.size.height);
     let class = Class::of(slot.kind);
-    let mean: Vec<[f64; 2]> =
-        (0..w * h).map(|p| mean_around(local, slot, l, (p % w, p / w), colours, variance, s)).collect();
     let (mut filtered, mut filtered_variance) = (colours.clone(), variance.clone());
     for y in 0..h {
         for x in 0..w {
-            let mirror = Features::can_reflect(slot.kind) && local.is_mirror(y * w + x);
-            let deviations = f64::from(if mirror { s.mirror } else { tolerance(s, slot.kind) });
             let mut sums = vec![[0.0f64; 3]; slot.planes];
             let (mut total, mut squares) = (0.0f64, 0.0f64);
             for (dx, dy) in (-2..=2isize).flat_map(|dy| (-2..=2isize).map(move |dx| (dx, dy))) {
@@ -45,7 +52,7 @@ fn a_level(
                 }
                 let q = (qx as usize, qy as usize);
                 let share = f64::from(SPLINE[dx.unsigned_abs()] * SPLINE[dy.unsigned_abs()]);
-                let stop = luminance_stop(mean[y * w + x], mean[q.1 * w + q.0], deviations, s);
+                let stop = luminance_stop(mean[y * w + x], mean[q.1 * w + q.0], stops[y * w + x], s);
                 let distance = f64::from(guide_distance(local, class, (x, y), q, s)) + stop;
                 let tap = if (dx, dy) == (0, 0) { share } else { share * f64::from(weight(distance as f32)) };
                 for (k, sum) in sums.iter_mut().enumerate() {
@@ -91,10 +98,18 @@ fn mean_around(
     [mean / total, spread / (total * total)]
 }
 
-/// The difference of two means, squared, beyond the variance of both, in squared deviations.
-fn luminance_stop([mean_p, variance_p]: [f64; 2], [mean_q, variance_q]: [f64; 2], deviations: f64, s: &Wavelet) -> f64 {
-    let v = variance_p + variance_q;
+/// The stop's deviations, squared: those of the light where noise is strong, `low` where it is weak.
+fn squared_stop(deviations: f32, [mean, variance]: [f64; 2], s: &Wavelet) -> f64 {
+    let high = f64::from(deviations).powi(2);
+    let low = f64::from(s.low).powi(2).min(high);
+    let noisy = variance / (variance + (f64::from(s.low_noise) * mean).powi(2) + f64::from(LEAST_VARIANCE));
+    low + (high - low) * noisy
+}
+
+/// The difference of two means, squared, beyond the variance of both, in `squared` variances.
+fn luminance_stop([mean_p, variance_p]: [f64; 2], [mean_q, variance_q]: [f64; 2], squared: f64, s: &Wavelet) -> f64 {
+    let v = variance_p + variance_q.min(f64::from(s.variance_ratio) * variance_p);
     let contrast = f64::from(s.least_contrast) * mean_p;
     let beyond = ((mean_p - mean_q).powi(2) - v).max(0.0);
-    beyond / (deviations * deviations * v + contrast * contrast + f64::from(LEAST_VARIANCE))
+    beyond / (squared * v + contrast * contrast + f64::from(LEAST_VARIANCE))
 }
