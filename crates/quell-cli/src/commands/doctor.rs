@@ -85,6 +85,9 @@ fn text(context: &Context, found: &Diagnosis, html: Option<&Path>) -> String {
     let out = &mut text;
     // Writing to a string never fails.
     let _ = writeln!(out, "{}", summary(found));
+    if let Some(line) = noise(found, context.verbose) {
+        paragraph(out, "noise", &line);
+    }
     for f in &found.findings {
         let place = [f.layer.clone(), f.frame.map_or_else(String::new, |n| format!("frame {n}")), f.channel.clone()];
         let place: Vec<String> = place.into_iter().filter(|p| !p.is_empty()).collect();
@@ -125,6 +128,17 @@ fn text(context: &Context, found: &Diagnosis, html: Option<&Path>) -> String {
         let _ = writeln!(out, "{}", output::file_url(html));
     }
     text
+}
+
+/// How much noise there is: of the picture, and where wanted of each light.
+fn noise(found: &Diagnosis, all: bool) -> Option<String> {
+    let percent =
+        |share: f64| if share < 0.1 { format!("{:.1} %", 100.0 * share) } else { format!("{:.0} %", 100.0 * share) };
+    let name = |pass: &str| if pass.is_empty() { "the picture".to_owned() } else { format!("`{pass}`") };
+    let shown = found.noise.iter().take(if all { usize::MAX } else { 1 });
+    let parts: Vec<String> =
+        shown.map(|level| format!("{} of {}", percent(level.relative), name(&level.pass))).collect();
+    (!parts.is_empty()).then(|| format!("deviates by {} (median over pixels)", parts.join(", ")))
 }
 
 fn summary(found: &Diagnosis) -> String {
@@ -177,6 +191,9 @@ fn further(found: &Diagnosis, html: Option<&Path>) -> Map<String, Value> {
     further.insert("findings".to_owned(), findings.into());
     further.insert("passed".to_owned(), passed.into());
     further.insert("not_examined".to_owned(), not.into());
+    let noise: Vec<Value> =
+        found.noise.iter().map(|n| json!({ "pass": n.pass, "relative_deviation": n.relative })).collect();
+    further.insert("noise".to_owned(), noise.into());
     further.insert("worst".to_owned(), found.worst().map(Severity::name).into());
     further.insert("frames_found".to_owned(), found.frames.clone().into());
     further.insert("frames_examined".to_owned(), found.examined.clone().into());

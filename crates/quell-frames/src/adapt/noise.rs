@@ -14,6 +14,12 @@ const NOISY: f64 = 0.004;
 /// Every how many rows are looked at.
 const ROWS: usize = 3;
 
+/// Side of the blocks that are looked at one by one, pixels; fewer pixels in one say nothing.
+const BLOCK: usize = 24;
+const BLOCK_LEAST: usize = 60;
+/// With fewer blocks the whole picture is one.
+const BLOCKS: usize = 8;
+
 /// What a frame leaves for its successor to compare with.
 #[derive(Clone, Debug)]
 pub(crate) struct Trace {
@@ -61,19 +67,31 @@ impl Trace {
     }
 
     /// Correlation of the noise of two frames, pixel by pixel; `None` where there is too little of it.
+    ///
+    /// It is that of the middle one of many blocks: one seed correlates everywhere, fine detail that stands still only
+    /// where it is.
     pub fn correlation(&self, last: &Self) -> Option<f64> {
-        let (mut aa, mut bb, mut ab, mut count) = (0.0, 0.0, 0.0, 0);
-        for (a, b) in self.residuals.iter().zip(&last.residuals) {
+        let across = self.size.width / BLOCK + 1;
+        let per_row = self.size.width.saturating_sub(2).max(1);
+        let mut blocks = vec![Sums::default(); across * (self.size.height / BLOCK + 1)];
+        let mut all = Sums::default();
+        for (i, (a, b)) in self.residuals.iter().zip(&last.residuals).enumerate() {
+            let (x, y) = (1 + i % per_row, 1 + ROWS * (i / per_row));
             let (a, b) = (f64::from(*a), f64::from(*b));
             if a.is_finite() && b.is_finite() {
-                aa += a * a;
-                bb += b * b;
-                ab += a * b;
-                count += 1;
+                all.add(a, b);
+                if let Some(block) = blocks.get_mut(y / BLOCK * across + x / BLOCK) {
+                    block.add(a, b);
+                }
             }
         }
-        let enough = count >= 200 && (aa.min(bb) / f64::from(count)).sqrt() >= NOISY;
-        enough.then(|| ab / (aa * bb).sqrt())
+        if all.count < 200 || (all.aa.min(all.bb) / all.count as f64).sqrt() < NOISY {
+            return None;
+        }
+        let full = blocks.iter().filter(|block| block.count >= BLOCK_LEAST && block.aa.min(block.bb) > 0.0);
+        let mut each: Vec<f64> = full.map(Sums::correlation).collect();
+        each.sort_by(f64::total_cmp);
+        if each.len() < BLOCKS { Some(all.correlation()) } else { each.get(each.len() / 2).copied() }
     }
 
     /// True where positions, depths or normals of `frame` differ from this one's in many pixels.
@@ -81,6 +99,28 @@ impl Trace {
         let now = guides(frame);
         let changed = now.iter().zip(&self.guides).filter(|(a, b)| (*a - *b).abs() > 1e-3 * b.abs().max(1e-3)).count();
         now.len() == self.guides.len() && changed * 5 > now.len()
+    }
+}
+
+/// Sums over pixels of two frames.
+#[derive(Clone, Default)]
+struct Sums {
+    aa: f64,
+    bb: f64,
+    ab: f64,
+    count: usize,
+}
+
+impl Sums {
+    fn add(&mut self, a: f64, b: f64) {
+        self.aa += a * a;
+        self.bb += b * b;
+        self.ab += a * b;
+        self.count += 1;
+    }
+
+    fn correlation(&self) -> f64 {
+        self.ab / (self.aa * self.bb).sqrt()
     }
 }
 

@@ -134,6 +134,15 @@ pub struct NotExamined {
     pub why: String,
 }
 
+/// How much noise a pass has.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Level {
+    /// The pass.
+    pub pass: String,
+    /// Standard deviation over the mean, median over pixels; estimated from differences in space and time, the lesser.
+    pub relative: f64,
+}
+
 /// Two neighbouring frames as a page shows them; all planes are of one extent.
 #[derive(Clone, Debug)]
 pub struct Exhibit {
@@ -176,6 +185,8 @@ pub struct Diagnosis {
     pub not_examined: Vec<NotExamined>,
     /// Pairs of frames to be shown.
     pub exhibits: Vec<Exhibit>,
+    /// How much noise was found, the picture first.
+    pub noise: Vec<Level>,
 }
 
 impl Diagnosis {
@@ -207,12 +218,13 @@ impl Diagnosis {
 }
 
 /// The names of all checks.
-pub const CHECKS: [&str; 40] = [
+pub const CHECKS: [&str; 42] = [
     "albedo.above_one",
     "codec.lossy",
     "codec.rounded",
     "depth.kind",
     "depth.ray",
+    "emission.changes",
     "filter.splatted",
     "frames.incomplete",
     "frames.layout",
@@ -226,6 +238,7 @@ pub const CHECKS: [&str; 40] = [
     "guides.jitter",
     "input.denoised",
     "input.denoised_beside",
+    "light.changes",
     "light.colour",
     "motion.axis",
     "motion.direction",

@@ -45,7 +45,7 @@ pub(super) fn chosen(headers: &[Header], first: &Header) -> Vec<i64> {
 /// One frame of one layer.
 pub(super) struct Look {
     pub number: i64,
-    /// As the filter would get it; lights of the first frames only.
+    /// As the filter would get it.
     pub frame: SequenceFrame,
     /// The picture.
     pub beauty: Plane<Rgb>,

@@ -11,15 +11,23 @@
 //! motion.rs   vectors: sign, axes, unit, direction, length, zero; jitter; animation on twos
 //! warp.rs     fractions of a pixel by which surfaces lie beside where vectors lead
 //! noise.rs    one seed for all frames, splatted filters, denoised pictures
+//! grain.rs    how noise hangs together from pixel to pixel
+//! level.rs    how much noise there is
+//! changes.rs  light and emission that change on surfaces at rest
+//! follow.rs   surfaces at rest, followed from one frame to the one before
 //! ```
 //!
 //! A check measures frames, or pairs of neighbouring frames, one at a time (`look`, `pair`), and judges all figures
 //! together at the end (`judge`). Thresholds and where they come from: docs/doctor.md.
 
+mod changes;
 mod codec;
 mod files;
 mod finding;
+mod follow;
+mod grain;
 mod guides;
+mod level;
 mod look;
 mod motion;
 mod noise;
@@ -27,13 +35,14 @@ mod passes;
 mod values;
 mod warp;
 
-pub use finding::{CHECKS, Diagnosis, Exhibit, Figure, Finding, NotExamined, Passed, Severity};
+pub use finding::{CHECKS, Diagnosis, Exhibit, Figure, Finding, Level, NotExamined, Passed, Severity};
 
 use crate::adapt::{AdaptOptions, Adapter, Links, MotionChoice};
 use crate::error::Error;
 use crate::image::{ExrImage, Window};
 use crate::roles::{MapOptions, Mapping, Role, map_roles};
 use crate::sequence::{Sequence, find_sequence};
+use follow::Paths;
 use look::{Look, name_of};
 use quell::{Plane, Rgb, Size};
 use rayon::prelude::*;
@@ -166,6 +175,8 @@ impl Layer<'_> {
             motion::Motion::default(),
             noise::Noise::default(),
         );
+        let (mut changes, mut levels) = (changes::Changes::default(), level::Levels::default());
+        let beauty = name_of(mapping, Role::Beauty);
         let mut adapter: Option<Adapter> = None;
         let mut links = Links::default();
         let mut last: Option<Look> = None;
@@ -217,7 +228,6 @@ impl Layer<'_> {
                 passes::sums(adapter, mapping, &look, &mut sums);
                 sums_of = Some(sums);
             }
-            look.frame.lights.clear();
             values.bright(&look.beauty, *number);
             guides.look(adapter, &look);
             // Frames of quell have no positions, but cameras: the same surfaces are known by both.
@@ -226,9 +236,15 @@ impl Layer<'_> {
             }
             motion.look(&look);
             noise.look(&look);
+            levels.look(&beauty, &look);
             if let Some(earlier) = &last {
                 motion.pair(adapter, earlier, &look);
-                noise.pair(earlier, &look);
+                let paths = Paths::new(&earlier.frame, &look.frame);
+                noise.pair(earlier, &look, paths.as_ref());
+                if let Some(paths) = &paths {
+                    changes.pair(mapping, earlier, &look, paths);
+                    levels.pair(&beauty, earlier, &look, paths);
+                }
                 // Of frames in a row the first pair is enough to look at.
                 let apart = found.exhibits.last().is_none_or(|e| e.later.saturating_add(1) < earlier.number);
                 if found.exhibits.len() < self.options.exhibits && apart {
@@ -244,9 +260,12 @@ impl Layer<'_> {
         };
         self.repeated(&motion, found);
         let several = found.frames.len() > 1;
-        let beauty = name_of(mapping, Role::Beauty);
         let renamed = renamed.iter().any(|r| matches!(r, Role::Motion | Role::MotionPrevious | Role::MotionNext));
         motion.judge(&adapter, several, renamed, found);
+        found.noise = levels.found();
+        if several {
+            changes.judge(mapping, found);
+        }
         noise.judge(&mapping.renderer.name, &beauty, several, found);
         if let Some(sums) = sums_of {
             found.findings.extend(sums.findings);
@@ -375,6 +394,7 @@ fn merge(into: &mut Diagnosis, own: Diagnosis, several: bool, mapping: &Mapping)
         e
     }));
     into.passed.extend(own.passed);
+    into.noise.extend(own.noise);
     own.not_examined.into_iter().for_each(|n| into.cannot(n.what, n.why));
 }
 

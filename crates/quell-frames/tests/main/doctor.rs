@@ -512,6 +512,125 @@ fn noise_that_is_not_as_it_should_be() {
     });
 }
 
+/// Light with fine detail of its own and little noise, as at many samples: sunlight through leaves.
+fn detailed(n: i64, f: &mut Frame, noise: f64) {
+    for i in 0..WIDTH * HEIGHT {
+        let (x, y) = (i % WIDTH, i / WIDTH);
+        let Some(h) = hit(x as f64 + 0.5, y as f64 + 0.5, n as f64) else { continue };
+        let [p, q, r] = h.position;
+        let leaves = 1.0 + 0.2 * (16.0 * p + 3.0 * q).sin() * (14.0 * r + 9.0 * q).sin();
+        for (c, letter) in ["R", "G", "B"].into_iter().enumerate() {
+            let path = 1.0 + noise * (random(x, y, (n * 7) as u64 + c as u64) - 0.5);
+            f.plane(&format!("ViewLayer.DiffDir.{letter}"))[i] = (0.5 * leaves * path) as f32;
+            f.plane(&format!("ViewLayer.DiffInd.{letter}"))[i] = 0.1;
+        }
+    }
+    f.add_up();
+}
+
+#[test]
+fn fine_detail_is_no_noise_that_neighbours_share() {
+    let folder = Folder::new("doctor-detail");
+    let ratio = |found: &Diagnosis| -> f64 {
+        let all =
+            found.passed.iter().find(|p| p.check == "filter.splatted").map_or_else(String::new, |p| p.text.clone());
+        let percent = all.split("are ").nth(1).and_then(|rest| rest.split(' ').next()).and_then(|n| n.parse().ok());
+        percent.unwrap_or_else(|| panic!("{all}"))
+    };
+    write(&folder, |n, f| detailed(n, f, 0.3));
+    let found = look(&folder.0);
+    assert!(found.findings.is_empty(), "{}", told(&found));
+    println!("{}", told(&found));
+    // Differences within one frame alone would have said so.
+    assert!(ratio(&found) < 78.0, "{}", told(&found));
+    // One frame cannot be judged by its detail, and is not.
+    let alone = Folder::new("doctor-detail-one");
+    let mut frame = good()[0].clone();
+    detailed(1, &mut frame, 0.6);
+    frame.write(&file(&alone, 1));
+    let one = look(&alone.0);
+    assert!(
+        one.findings.is_empty() && one.not_examined.iter().any(|n| n.why.contains("fine detail")),
+        "{}",
+        told(&one)
+    );
+    // Canary: the same detail with noise that is shared.
+    let blur = |n: i64, f: &mut Frame| {
+        detailed(n, f, 0.8);
+        let clean = {
+            let mut clean = f.clone();
+            detailed(n, &mut clean, 0.0);
+            clean
+        };
+        for name in &LIGHT[..3] {
+            let calm = clean.channels[*name].clone();
+            let noise: Vec<f32> = f.plane(name).iter().zip(&calm).map(|(a, b)| a - b).collect();
+            *f.plane(name) = blurred(&noise, 0.6).iter().zip(&calm).map(|(a, b)| a + b).collect();
+        }
+        f.add_up();
+    };
+    broken("detail-splat", "filter.splatted", Severity::Fault, blur);
+}
+
+#[test]
+fn light_and_emission_that_change_on_surfaces_at_rest() {
+    use Severity::Note;
+    // A tenth of the light more, everywhere: less than what is reported.
+    let lamp = |more: f32| {
+        move |n: i64, f: &mut Frame| {
+            let place = f.plane("ViewLayer.Position.X").clone();
+            f.each(&LIGHT[..3], |i, v| if n >= 4 && place[i] < 0.2 { v * more } else { v });
+            f.add_up();
+        }
+    };
+    let found = broken("lamp", "light.changes", Note, lamp(2.0));
+    assert_eq!(found.findings[0].frame, Some(4), "{}", told(&found));
+    assert!(found.findings[0].evidence.contains("changes in frames 4"), "{}", told(&found));
+    let folder = Folder::new("doctor-lamp-still");
+    write(&folder, lamp(1.05));
+    let found = look(&folder.0);
+    assert!(found.findings.is_empty(), "{}", told(&found));
+    // A sign on the wall at the back that blinks.
+    let sign = |blinks: bool| {
+        move |n: i64, f: &mut Frame| {
+            let at = |f: &mut Frame, c: &str| f.plane(&format!("ViewLayer.Position.{c}")).clone();
+            let (x, y, z) = (at(f, "X"), at(f, "Y"), at(f, "Z"));
+            let lit = !blinks || n % 2 == 0;
+            let on = |i: usize| z[i] < -3.9 && (0.2..0.7).contains(&x[i]) && (0.9..1.3).contains(&y[i]);
+            for c in ["R", "G", "B"] {
+                let values: Vec<f32> = (0..x.len()).map(|i| if lit && on(i) { 2.0 } else { 0.0 }).collect();
+                let sum = f.plane(&format!("ViewLayer.Combined.{c}")).iter().zip(&values).map(|(a, b)| a + b).collect();
+                f.channels.insert(format!("ViewLayer.Combined.{c}"), sum);
+                f.channels.insert(format!("ViewLayer.Emit.{c}"), values);
+            }
+        }
+    };
+    let found = broken("sign", "emission.changes", Note, sign(true));
+    assert_eq!(found.findings[0].channel, "ViewLayer.Emit", "{}", told(&found));
+    let folder = Folder::new("doctor-sign-still");
+    write(&folder, sign(false));
+    let found = look(&folder.0);
+    assert!(found.findings.is_empty(), "{}", told(&found));
+}
+
+#[test]
+fn how_much_noise_there_is_is_measured() {
+    let folder = Folder::new("doctor-level");
+    // Even noise of full width `noise` deviates by noise / sqrt(12); of it three channels are averaged, and a sixth of the
+    // light has none.
+    let measured = |noise: f64| {
+        write(&folder, |n, f| detailed(n, f, noise));
+        let found = look(&folder.0);
+        let level =
+            found.noise.iter().find(|n| n.pass == "ViewLayer.DiffDir").unwrap_or_else(|| panic!("{:?}", found.noise));
+        level.relative / (noise / 12f64.sqrt() / 3f64.sqrt())
+    };
+    for noise in [0.8, 0.4] {
+        let ratio = measured(noise);
+        assert!((0.75..1.35).contains(&ratio), "{noise}: {ratio}");
+    }
+}
+
 #[test]
 fn values_that_are_none() {
     use Severity::Warning;

@@ -230,6 +230,38 @@ fn one_seed_is_told_from_independent_noise_on_textures_and_in_still_scenes() {
     }
 }
 
+/// A still picture with more detail than noise, as at many samples: detail that stands still is no seed.
+#[test]
+fn detail_that_stands_still_is_no_seed() {
+    let folder = Folder::new("seed-detail");
+    // A carpet in the lower third, which no guide shows; walls above.
+    let light = |x: usize, y: usize, seed: usize| {
+        let carpet = if y > HEIGHT * 8 / 3 { 0.5 * noise(x / 2, y / 2, 5) } else { 0.0 };
+        0.3 + carpet + 0.1 * noise(x, y, seed)
+    };
+    let write_one = |seed: usize, name: &str| {
+        let picture = move |x: usize, y: usize| light(x, y, seed);
+        let flat = |_: usize, _: usize| 4.0;
+        let grey = |_: usize, _: usize| 0.5;
+        let mut channels: Vec<(String, Value<'_>)> = vec![("Z".to_owned(), &flat)];
+        for c in ["R", "G", "B"] {
+            channels.push((c.to_owned(), &picture));
+            channels.push((format!("albedo.{c}"), &grey));
+        }
+        let list: Vec<(&str, Value<'_>)> = channels.iter().map(|(n, v)| (n.as_str(), *v)).collect();
+        write(&folder, name, (WIDTH * 3, HEIGHT * 4), &list)
+    };
+    let first = write_one(1, "1.exr");
+    for (seed, repeats) in [(2, false), (1, true)] {
+        let second = write_one(seed, "2.exr");
+        let (adapter, images) = adapter(&first);
+        let mut links = Links::default();
+        adapter.frame(1, &images, &mut links).unwrap();
+        let next = vec![read_image(&second).unwrap()];
+        assert_eq!(adapter.frame(2, &next, &mut links).unwrap().frame.repeats_noise, repeats, "seed {seed}");
+    }
+}
+
 #[test]
 fn frames_of_other_sizes_and_files_without_the_channels_are_named() {
     let folder = Folder::new("mixed");
