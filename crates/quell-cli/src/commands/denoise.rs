@@ -37,6 +37,8 @@ pub fn run(context: &Context, settings: SequenceSettings, args: DenoiseArgs) -> 
         context.note(DOCTOR);
     }
     if dry_run {
+        // What the run would refuse is refused now.
+        job.measure(interrupt::flag())?;
         let text = job.describe();
         return context.finish(&report(context, &job, None, &[]), further(&job, None), &text);
     }

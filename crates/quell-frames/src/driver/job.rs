@@ -12,7 +12,8 @@ use crate::sequence::{FrameSources, Sequence, find_sequence};
 use quell::Backend;
 use quell::sequence::{Accelerator, SEQUENCE_PARAMETERS, SequenceDenoiser, SequenceSettings};
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+use std::sync::{Arc, OnceLock};
 
 /// What the user asked for.
 #[derive(Clone, Debug)]
@@ -71,6 +72,8 @@ pub struct Job {
     pub(super) key: String,
     reach: usize,
     footprints: Vec<Footprint>,
+    /// Rows that things move up or down in a frame, at most: known when the frames were read.
+    moved: OnceLock<f32>,
 }
 
 impl Job {
@@ -154,23 +157,59 @@ impl Job {
             notes.push(format!("there is no file of frames {}", ranges(&plan.missing)));
         }
         let footprints = adapters.iter().map(|adapter| adapter.footprint(&images)).collect();
-        let job =
-            Self { options, sequence, layout, adapters, mapping, plan, done_before, notes, key, reach, footprints };
+        let job = Self {
+            options,
+            sequence,
+            layout,
+            adapters,
+            mapping,
+            plan,
+            done_before,
+            notes,
+            key,
+            reach,
+            footprints,
+            moved: OnceLock::new(),
+        };
         job.memory()?;
         Ok(job)
     }
 
-    /// How much memory it takes, and in how many bands.
+    /// How much memory it takes, and in how many bands. Before [`Job::measure`]: as if nothing moved up or down, the least
+    /// that a run may take in bands.
     ///
     /// # Errors
     /// [`Error::Memory`] where it does not fit in any number of bands.
     pub fn memory(&self) -> Result<Memory, Error> {
+        let moved = self.moved.get().copied().unwrap_or(0.0);
         let limit = self.limit();
-        let estimate = self.estimate();
-        // How far things move up and down is known only when they were read.
-        let margin = self.margin(0.0)?;
-        let bands = self.options.bands.map_or_else(|| estimate.bands(limit, margin), Ok)?;
+        let bands = self.bands(moved, limit)?;
+        let (estimate, margin) = (self.estimate(), self.margin(moved)?);
         Ok(Memory { whole: estimate.bytes(1, 0), bytes: estimate.bytes(bands, margin), bands, limit })
+    }
+
+    /// How many bands keep the limit where things move by so many rows a frame: what a dry run says and a run does.
+    pub(super) fn bands(&self, moved: f32, limit: Option<(u64, bool)>) -> Result<usize, Error> {
+        if let Some(bands) = self.options.bands {
+            return Ok(bands);
+        }
+        let estimate = self.estimate();
+        let fits = limit.is_none_or(|(limit, _)| estimate.bytes(1, 0) <= limit);
+        // What does not fit at once waits in files before it is known how far things move.
+        if fits { Ok(1) } else { Ok(estimate.bands(limit, self.margin(moved)?)?.max(2)) }
+    }
+
+    /// Reads the frames for how far things move up and down where the picture does not fit in memory at once, so that
+    /// [`Job::memory`] says what the run will take. A frame that cannot be read fails in the run.
+    ///
+    /// # Errors
+    /// [`Error::Memory`] as [`Job::memory`].
+    pub fn measure(&self, stop: &AtomicBool) -> Result<(), Error> {
+        if self.memory()?.bands > 1 && self.moved.get().is_none() {
+            let moved = super::measure::rows_moved(self, stop);
+            let _ = self.moved.set(moved);
+        }
+        self.memory().map(|_| ())
     }
 
     pub(super) fn limit(&self) -> Option<(u64, bool)> {

@@ -8,6 +8,7 @@
 //! run.rs       a job that is ready, run
 //! frames.rs    a frame on its way through the three steps
 //! memory.rs    how much memory a job takes, and in how many bands of rows it fits
+//! measure.rs   how far things move up and down, for a dry run
 //! bands.rs     a job in bands, with what waits in files
 //! output.rs    where frames go, what may stand there, which need not be made again
 //! clock.rs     processor seconds of each of the three
@@ -21,6 +22,7 @@ pub mod clock;
 pub mod cuts;
 mod frames;
 pub mod job;
+mod measure;
 mod memory;
 pub mod output;
 pub mod pipeline;

@@ -13,13 +13,8 @@ impl Job {
     /// As there.
     pub fn run(&self, stop: &AtomicBool, notify: &(dyn Fn(Event) + Sync)) -> Result<Outcome, Error> {
         let mut outcome = if self.memory()?.bands > 1 {
-            let estimate = self.estimate();
             let limit = self.limit();
-            let bands = |moved: f32| match self.options.bands {
-                Some(bands) => Ok(bands),
-                // It was said to take bands, and its frames lie in files already.
-                None => Ok(estimate.bands(limit, self.margin(moved)?)?.max(2)),
-            };
+            let bands = |moved: f32| self.bands(moved, limit);
             super::bands::run(self, &bands, stop, notify)?
         } else {
             let mut window = Denoisers::new(self)?;

@@ -420,3 +420,34 @@ fn memory_is_estimated_and_a_limit_that_cannot_be_kept_says_what_it_takes() {
     assert!(matches!(error, Error::Memory { limit: 0x0010_0000, .. }), "{error}");
     assert!(error.to_string().contains("--max-memory"), "{error}");
 }
+
+/// A limit between what bands take where nothing moves and where things move as they do: a dry run must not accept it.
+#[test]
+fn what_a_dry_run_accepts_a_run_keeps() {
+    let case = Tall::new("dry");
+    let stop = AtomicBool::new(false);
+    let open = |limit: u64, to: &str| {
+        let mut options = JobOptions { max_memory: Some(limit), ..case.options(to, None) };
+        // Many frames in the window: then bands are what takes most.
+        options.settings.gather.frames = 6;
+        Job::open(options)
+    };
+    let Err(Error::Memory { needed: least, .. }) = open(1 << 20, "x") else { panic!("1 MiB was accepted") };
+    let job = open(least, "x").unwrap();
+    let Err(Error::Memory { needed, .. }) = job.measure(&stop) else {
+        panic!("{least} bytes were accepted: {:?}", job.memory())
+    };
+    assert!(needed > least, "{needed} {least}");
+    // The run refuses it with the same figure, and writes nothing.
+    let Err(Error::Memory { needed: run, .. }) = open(least, "x").unwrap().run(&stop, &|_| {}) else {
+        panic!("the run accepted {least} bytes")
+    };
+    assert_eq!(run, needed);
+    // What is asked for is enough for both.
+    let job = open(needed, "y").unwrap();
+    job.measure(&stop).unwrap();
+    let memory = job.memory().unwrap();
+    assert!(memory.bytes <= needed && memory.bands > 1, "{memory:?}");
+    let outcome = job.run(&stop, &|_| {}).unwrap();
+    assert_eq!(outcome.written(), outcome.frames.len());
+}
