@@ -8,6 +8,7 @@
 use super::clock::{Busy, pool_seconds};
 use super::frames::{Denoisers, Disk, Done, Loaded};
 use super::job::Job;
+use super::measure::read_linked;
 use super::pipeline::{self, Event, Fate, Files, Outcome};
 use super::plan::Plan;
 use crate::error::Error;
@@ -190,39 +191,15 @@ impl Part<'_> {
     ) -> Result<(BTreeMap<i64, Entry>, f32), Error> {
         let mut entries = BTreeMap::new();
         let mut moved = 0.0f32;
-        let mut waiting: Option<(i64, Loaded)> = None;
-        for &step in &self.plan.steps {
-            if asked() {
-                break;
-            }
-            let read = self.disk.read(step.number, step.wanted);
-            let mut next = read.map(|(loaded, notes)| {
-                notify(Event::Read(step.number));
-                notes.into_iter().for_each(|note| notify(Event::Note(note)));
-                loaded
-            });
-            if let Some((number, mut last)) = waiting.take() {
-                if let Ok(next) = &mut next
-                    && !step.fresh
-                    && !next.cut
-                {
-                    // What the next frame says of the motion to it is scattered all over the picture.
-                    last.frames.iter_mut().zip(&mut next.frames).for_each(|(last, next)| {
-                        last.0.followed_by(&mut next.0, self.job.settings(), self.job.options.backend)
-                    });
-                }
-                entries.insert(number, Entry::Kept(self.keep(number, last, &mut moved)?));
-            }
-            match next {
-                Ok(next) => waiting = Some((step.number, next)),
-                Err(error) => {
-                    entries.insert(step.number, Entry::Failed(error.to_string()));
-                }
-            }
-        }
-        if let Some((number, last)) = waiting.take() {
-            entries.insert(number, Entry::Kept(self.keep(number, last, &mut moved)?));
-        }
+        let mut keep = |number: i64, frame: Result<Loaded, Error>| {
+            let entry = match frame {
+                Ok(loaded) => Entry::Kept(self.keep(number, loaded, &mut moved)?),
+                Err(error) => Entry::Failed(error.to_string()),
+            };
+            entries.insert(number, entry);
+            Ok(())
+        };
+        read_linked(self.job, &self.plan, &self.disk, true, asked, notify, &mut keep)?;
         Ok((entries, moved))
     }
 
