@@ -62,6 +62,12 @@ pub struct DenoiseArgs {
     /// both (frames before and after are used) or past
     #[arg(long, value_name = "both|past", default_value = "both")]
     pub history: History,
+    /// How much noise is removed: 1 as much as pays, less leaves grain (0 is the input), more smooths further
+    #[arg(long, value_name = "0..4")]
+    pub strength: Option<f32>,
+    /// Also write the error that the picture is expected to have left, as a pass quell.noise (one channel Y)
+    #[arg(long)]
+    pub noise_pass: bool,
     /// Leave frames alone whose file exists
     #[arg(long, conflicts_with_all = ["resume", "overwrite"])]
     pub skip_existing: bool,

@@ -8,7 +8,7 @@ use crate::failure::Failure;
 use crate::progress::Progress;
 use crate::{allocator, interrupt, output};
 use quell::sequence::SequenceSettings;
-use quell_frames::adapt::{AdaptOptions, MotionChoice};
+use quell_frames::adapt::{AdaptOptions, FrameNoise, MotionChoice};
 use quell_frames::driver::{Destination, Event, Existing, Fate, Job, JobOptions, Outcome, StageTime, Times, in_words};
 use quell_frames::roles::MapOptions;
 use quell_lab::report::{FrameStatus, Status};
@@ -25,7 +25,9 @@ pub fn run(context: &Context, settings: SequenceSettings, args: DenoiseArgs) -> 
     let chosen = context.backend()?;
     let accelerator = chosen.accelerator()?;
     let backend = chosen.on_this_processor();
-    let job = Job::open(JobOptions { backend, accelerator: accelerator.clone(), ..options(settings, args)? })?;
+    let measure_noise = context.verbose || context.json;
+    let job =
+        Job::open(JobOptions { backend, accelerator: accelerator.clone(), measure_noise, ..options(settings, args)? })?;
     // A dry run describes it anyway.
     if !dry_run {
         context.detail(job.mapping().trim_end());
@@ -68,6 +70,9 @@ fn options(mut settings: SequenceSettings, args: DenoiseArgs) -> Result<JobOptio
     if args.history == History::Past {
         settings.gather.future = false;
     }
+    if let Some(strength) = args.strength {
+        settings.set("blend.strength", &strength.to_string())?;
+    }
     let destination = Destination::parse(&args.output).map_err(Failure::Usage)?;
     let existing = match (args.skip_existing, args.resume, args.overwrite) {
         (true, ..) => Existing::Skip,
@@ -97,12 +102,14 @@ fn options(mut settings: SequenceSettings, args: DenoiseArgs) -> Result<JobOptio
                 Passes::List(names) => Some(names),
                 Passes::All | Passes::Beauty => None,
             },
+            noise_pass: args.noise_pass,
         },
         settings,
         max_memory: args.max_memory.map(|bytes| bytes.0),
         bands: None,
         backend: quell::Backend::default(),
         accelerator: None,
+        measure_noise: false,
     })
 }
 
@@ -158,6 +165,9 @@ fn filter(context: &Context, job: &Job) -> Result<(Outcome, Vec<String>), Failur
 
 /// The report, and how the run ended.
 fn finish(context: &Context, job: &Job, outcome: &Outcome, warnings: Vec<String>) -> Result<(), Failure> {
+    for line in noise(&outcome.noise) {
+        context.detail(&line);
+    }
     for line in costs(&outcome.times) {
         context.detail(&line);
     }
@@ -182,6 +192,20 @@ fn finish(context: &Context, job: &Job, outcome: &Outcome, warnings: Vec<String>
         Some(why) if written == 0 => Err(Failure::Failed(why)),
         Some(why) => Err(Failure::SomeFrames(format!("{why}; {summary}"))),
     }
+}
+
+/// How much noise was found and removed, frame by frame.
+fn noise(frames: &[(i64, FrameNoise)]) -> Vec<String> {
+    let line = |(number, noise): &(i64, FrameNoise)| {
+        let removed = 1.0 - (noise.left / noise.found.max(1e-12)).powi(2);
+        format!(
+            "noise     frame {number}: {:.1} % of the picture's brightness found, {:.1} % left ({:.1} % of its power removed)",
+            100.0 * noise.found,
+            100.0 * noise.left,
+            100.0 * removed
+        )
+    };
+    frames.iter().map(line).collect()
 }
 
 /// What the three steps cost, for a person.
@@ -251,6 +275,10 @@ fn further(job: &Job, outcome: Option<&Outcome>) -> Map<String, Value> {
     if let Some(outcome) = outcome {
         let times = &outcome.times;
         let stage = |stage: &StageTime| json!({ "cpu_seconds": stage.cpu, "busy_seconds": stage.busy });
+        let noise: Vec<Value> = (outcome.noise.iter())
+            .map(|(frame, noise)| json!({ "frame": frame, "found": noise.found, "left": noise.left }))
+            .collect();
+        further.insert("noise".to_owned(), noise.into());
         further.insert("cuts".to_owned(), outcome.cuts.clone().into());
         further.insert(
             "times".to_owned(),

@@ -105,7 +105,7 @@ impl Adapter {
     }
 
     /// A pass as the file holds it, read again where that is needed: frames wait without their samples.
-    fn as_it_came(&self, images: &mut [ExrImage], pass: &Mapped) -> Result<Plane<Rgb>, Error> {
+    pub(super) fn as_it_came(&self, images: &mut [ExrImage], pass: &Mapped) -> Result<Plane<Rgb>, Error> {
         for (file, image) in images.iter_mut().enumerate() {
             let holds = |id: &&ChannelId| id.file == file;
             image.load(|part, channel| {

@@ -6,6 +6,7 @@
 
 mod back;
 mod camera;
+mod error_pass;
 mod footprint;
 pub(crate) mod guides;
 mod lights;
@@ -15,6 +16,7 @@ pub(crate) mod planes;
 
 pub use back::WriteBack;
 pub use camera::PixelCamera;
+pub use error_pass::{FrameNoise, NOISE_PASS};
 pub use footprint::Footprint;
 pub use lights::SumRule;
 
@@ -50,6 +52,8 @@ pub struct AdaptOptions {
     /// Passes that are written filtered, by role or name; the others go through untouched, and the beauty becomes the sum
     /// of what is written. Absent: all.
     pub passes: Option<Vec<String>>,
+    /// The expected error of the picture is written as a further pass, [`NOISE_PASS`].
+    pub noise_pass: bool,
 }
 
 /// How one view layer's files become frames and come back.

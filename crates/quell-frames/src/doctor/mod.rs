@@ -168,7 +168,7 @@ impl Layer<'_> {
         found.mapping = mapping.describe();
         codec::judge(mapping, headers, first, found);
         let renamed = passes::names(mapping, &self.options.map, found);
-        let adapt = AdaptOptions { motion: self.options.motion.clone(), beauty_only: false, passes: None };
+        let adapt = AdaptOptions { motion: self.options.motion.clone(), ..AdaptOptions::default() };
         let (mut values, mut guides, mut motion, mut noise) = (
             values::Values::default(),
             guides::GuideChecks::default(),

@@ -33,7 +33,13 @@ pub(super) fn run(
     stop: &AtomicBool,
     notify: &(dyn Fn(Event) + Sync),
 ) -> Result<Outcome, Error> {
-    let mut all = Outcome { frames: Vec::new(), cuts: Vec::new(), ended: None, times: super::Times::default() };
+    let mut all = Outcome {
+        frames: Vec::new(),
+        cuts: Vec::new(),
+        ended: None,
+        times: super::Times::default(),
+        noise: Vec::new(),
+    };
     let begin = std::time::Instant::now();
     let wanted: Vec<i64> = job.plan().steps.iter().filter(|s| s.wanted).map(|s| s.number).collect();
     for some in wanted.chunks(FRAMES_AT_ONCE) {
@@ -44,6 +50,7 @@ pub(super) fn run(
         let scratch = Scratch::new(job.folder())?;
         let part = Part { job, plan: job.plan_of(some), disk: Disk::new(job), scratch: &scratch };
         part.run(count, stop, notify, &mut all)?;
+        all.noise.extend(part.disk.noise());
     }
     all.cuts.sort_unstable();
     all.cuts.dedup();
@@ -338,6 +345,7 @@ struct Layout {
     lights: Vec<(usize, Option<usize>)>,
     weights: usize,
     alpha: bool,
+    noise: bool,
     repaired: usize,
 }
 
@@ -347,6 +355,7 @@ struct Whole {
     planes: Vec<Vec<Plane<Rgb>>>,
     weights: Vec<Plane<Rgb>>,
     alpha: Option<Plane<f32>>,
+    noise: Option<Plane<f32>>,
 }
 
 impl Layout {
@@ -354,7 +363,8 @@ impl Layout {
         let unique = unique(filtered);
         let place = |w: &Arc<Plane<Rgb>>| unique.iter().position(|u| Arc::ptr_eq(u, w));
         let lights = filtered.lights.iter().map(|l| (l.planes.len(), l.weight.as_ref().and_then(place))).collect();
-        Self { lights, weights: unique.len(), alpha: filtered.alpha.is_some(), repaired: filtered.repaired }
+        let (alpha, noise) = (filtered.alpha.is_some(), filtered.noise.is_some());
+        Self { lights, weights: unique.len(), alpha, noise, repaired: filtered.repaired }
     }
 
     fn write(&self, to: &mut impl Write, filtered: &Filtered, rows: Range<usize>) -> io::Result<()> {
@@ -370,9 +380,10 @@ impl Layout {
         for weight in unique(filtered) {
             put(to, weight, rows.clone())?;
         }
-        for y in rows.filter(|_| self.alpha) {
-            let row = filtered.alpha.as_ref().map_or(&[][..], |alpha| alpha.row(y));
-            to.write_all(bytemuck::cast_slice(row))?;
+        for plane in [&filtered.alpha, &filtered.noise].into_iter().flatten() {
+            for y in rows.clone() {
+                to.write_all(bytemuck::cast_slice(plane.row(y)))?;
+            }
         }
         Ok(())
     }
@@ -384,6 +395,7 @@ impl Layout {
             planes: self.lights.iter().map(|(planes, _)| (0..*planes).map(|_| black()).collect()).collect(),
             weights: (0..self.weights).map(|_| black()).collect(),
             alpha: self.alpha.then(|| Plane::filled(size, 0.0)),
+            noise: self.noise.then(|| Plane::filled(size, 0.0)),
         }
     }
 
@@ -398,9 +410,9 @@ impl Layout {
         for weight in &mut whole.weights {
             get(from, weight, rows.clone())?;
         }
-        if let Some(alpha) = &mut whole.alpha {
-            for y in rows {
-                from.read_exact(bytemuck::cast_slice_mut(alpha.row_mut(y)))?;
+        for plane in [&mut whole.alpha, &mut whole.noise].into_iter().flatten() {
+            for y in rows.clone() {
+                from.read_exact(bytemuck::cast_slice_mut(plane.row_mut(y)))?;
             }
         }
         Ok(())
@@ -419,7 +431,7 @@ impl Layout {
             alpha: whole.alpha,
             // Nobody writes these two.
             confidence: none(),
-            noise: None,
+            noise: whole.noise,
             samples: none(),
             repaired: self.repaired,
         }

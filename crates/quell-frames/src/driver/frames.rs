@@ -4,7 +4,7 @@ use super::cuts::CutGuides;
 use super::job::{Job, layout, outputs, settings_text};
 use super::output::{Existing, JOB_ATTRIBUTE};
 use super::pipeline::{Files, Window};
-use crate::adapt::Links;
+use crate::adapt::{FrameNoise, Links, NOISE_PASS};
 use crate::error::Error;
 use crate::image::{ExrImage, ImageWriteOptions, read_channels};
 use quell::Plane;
@@ -18,6 +18,8 @@ pub(super) struct Disk<'j> {
     job: &'j Job,
     /// Of each layer and view. Frames are read one after the other.
     before: Mutex<Vec<Before>>,
+    /// Of the frames that were written.
+    noise: Mutex<BTreeMap<i64, FrameNoise>>,
 }
 
 /// What a frame needs to know of its predecessor.
@@ -47,7 +49,16 @@ pub(super) struct Done {
 
 impl<'j> Disk<'j> {
     pub(super) fn new(job: &'j Job) -> Self {
-        Self { job, before: Mutex::new(job.adapters.iter().map(|_| Before::default()).collect()) }
+        let before = Mutex::new(job.adapters.iter().map(|_| Before::default()).collect());
+        Self { job, before, noise: Mutex::default() }
+    }
+
+    /// How much noise the frames that were written had and have, ascending.
+    pub(super) fn noise(&self) -> Vec<(i64, FrameNoise)> {
+        self.noise
+            .lock()
+            .map(|noise| noise.iter().map(|(number, found)| (*number, *found)).collect())
+            .unwrap_or_default()
     }
 }
 
@@ -105,19 +116,42 @@ impl Files for Disk<'_> {
         let mut images = done.images;
         let mut notes = Vec::new();
         let mut repaired = 0;
+        let mut errors = Vec::new();
         for (adapter, (mut frame, filtered)) in job.adapters.iter().zip(done.filtered) {
             let mut lights = Vec::with_capacity(filtered.lights.len());
             for (light, filtered) in frame.lights.iter_mut().zip(filtered.lights) {
                 light.weight = filtered.weight;
                 lights.extend(filtered.planes.into_iter().next());
             }
+            let before = match &filtered.noise {
+                Some(_) if job.options.measure_noise => adapter.picture(&mut images)?,
+                _ => None,
+            };
             adapter.write_back(&mut images, &frame, &lights, filtered.alpha.as_ref())?;
+            if let (Some(before), Some(left)) = (before, &filtered.noise)
+                && let Some(after) = adapter.picture(&mut images)?
+                && let Some(measured) = FrameNoise::of(&before, &after, left)
+                && let Ok(mut noise) = self.noise.lock()
+            {
+                // Of several layers the first is reported.
+                noise.entry(number).or_insert(measured);
+            }
+            errors.push((adapter, filtered.noise));
             repaired += filtered.repaired;
         }
         if repaired > 0 {
             notes.push(format!(
                 "frame {number}: {repaired} pixels held colours that are no numbers, and count as black"
             ));
+        }
+        // Places of channels change with those that are added: after all else.
+        for (adapter, noise) in errors.into_iter().filter(|_| job.options.adapt.noise_pass) {
+            match noise {
+                Some(noise) => adapter.write_noise(&mut images, &noise)?,
+                None => notes.push(format!(
+                    "there is no pass `{NOISE_PASS}`: the stage that estimates it (`blend`) is switched off"
+                )),
+            }
         }
         if let Some(adapter) = job.adapters.first() {
             adapter.sign(&mut images, &settings_text(&job.options.settings))?;

@@ -45,6 +45,8 @@ pub struct JobOptions {
     /// Runs stages of the filter on another device, such as a GPU, with `backend` [`Backend::Cpu`]; absent: this processor
     /// does all.
     pub accelerator: Option<Arc<dyn Accelerator>>,
+    /// How much noise each frame had and has is measured: [`super::Outcome::noise`]. Reads the picture once more.
+    pub measure_noise: bool,
 }
 
 impl JobOptions {

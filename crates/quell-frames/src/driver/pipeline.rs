@@ -3,6 +3,7 @@
 use super::clock::{Busy, StageTime, Times, pool_seconds};
 use super::plan::{Plan, Step};
 use crate::Error;
+use crate::adapt::FrameNoise;
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
@@ -101,6 +102,8 @@ pub struct Outcome {
     pub ended: Option<String>,
     /// What it cost.
     pub times: Times,
+    /// How much noise written frames had and have, where that was asked for and the filter's last stage ran.
+    pub noise: Vec<(i64, FrameNoise)>,
 }
 
 impl Outcome {
@@ -178,6 +181,7 @@ where
         cuts: middle.cuts,
         ended: ended.or(middle.ended).or_else(|| stopped_by_user.then(String::new)),
         times: Times { reading, filtering, writing, wall: begin.elapsed().as_secs_f64(), elsewhere: false },
+        noise: Vec::new(),
     })
 }
 

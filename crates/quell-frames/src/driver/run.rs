@@ -19,7 +19,8 @@ impl Job {
         } else {
             let mut window = Denoisers::new(self)?;
             let disk = Disk::new(self);
-            pipeline::run(self.plan(), &disk, &mut window, self.run_options(), stop, notify)?
+            let outcome = pipeline::run(self.plan(), &disk, &mut window, self.run_options(), stop, notify)?;
+            Outcome { noise: disk.noise(), ..outcome }
         };
         outcome.times.elsewhere = self.options.accelerator.is_some();
         Ok(outcome)

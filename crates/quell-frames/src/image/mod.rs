@@ -3,6 +3,7 @@
 //! [`read_headers`] reads what a file holds, [`read_image`] its samples as well, [`read_channels`] some of them.
 //! [`ExrImage::write`] writes an image back: what was not replaced comes out as it went in.
 
+mod add;
 mod check;
 mod order;
 mod read;

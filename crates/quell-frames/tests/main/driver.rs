@@ -75,6 +75,7 @@ impl Case {
             bands: None,
             backend: quell::Backend::default(),
             accelerator: None,
+            measure_noise: false,
         }
     }
 
@@ -450,4 +451,43 @@ fn what_a_dry_run_accepts_a_run_keeps() {
     assert!(memory.bytes <= needed && memory.bands > 1, "{memory:?}");
     let outcome = job.run(&stop, &|_| {}).unwrap();
     assert_eq!(outcome.written(), outcome.frames.len());
+}
+
+/// The pass `quell.noise` is there where it was asked for, in bands to the same bits, and adds to no other channel.
+#[test]
+fn the_expected_error_is_a_pass_and_a_report() {
+    let case = Tall::new("error");
+    let stop = AtomicBool::new(false);
+    let run = |to: &str, bands: Option<usize>, noise_pass: bool| {
+        let mut options = JobOptions { measure_noise: noise_pass, ..case.options(to, bands) };
+        options.adapt.noise_pass = noise_pass;
+        Job::open(options).unwrap().run(&stop, &|_| {}).unwrap()
+    };
+    let (plain, whole, bands) = (run("plain", None, false), run("whole", None, true), run("bands", Some(2), true));
+    assert!(plain.noise.is_empty());
+    assert_eq!(whole.noise.len(), whole.written());
+    assert_eq!(whole.noise, bands.noise);
+    for (number, noise) in &whole.noise {
+        assert!(noise.left > 0.0 && noise.left < noise.found && noise.found < 2.0, "frame {number}: {noise:?}");
+        let read = |to: &str| quell_frames::read_image(&case.0.output(to, *number)).unwrap();
+        let (plain, whole, bands) = (read("plain"), read("whole"), read("bands"));
+        let at = whole.parts()[0].find("quell.noise.Y").expect("the pass");
+        let values = whole.samples(0, at).unwrap().to_f32();
+        assert_eq!(values, bands.samples(0, at).unwrap().to_f32());
+        // What is reported is what is written, but for half rounding.
+        let brightness = |image: &quell_frames::ExrImage| {
+            let mean = |c: &str| {
+                let values = image.samples(0, image.parts()[0].find(c).unwrap()).unwrap().to_f32();
+                values.iter().map(|v| f64::from(*v)).sum::<f64>() / values.len() as f64
+            };
+            (mean("R") + mean("G") + mean("B")) / 3.0
+        };
+        let power = values.iter().map(|v| f64::from(*v).powi(2)).sum::<f64>() / values.len() as f64;
+        assert!((power.sqrt() / brightness(&whole) / noise.left - 1.0).abs() < 1e-3, "frame {number}");
+        assert!(plain.parts()[0].find("quell.noise.Y").is_none());
+        for channel in plain.parts()[0].channels() {
+            let other = whole.parts()[0].find(channel.name()).unwrap();
+            assert!(channel.samples() == whole.samples(0, other), "{}", channel.name());
+        }
+    }
 }

@@ -97,6 +97,7 @@ fn passes_of_hall_add_up_in_every_layout() {
             bands: None,
             backend: quell::Backend::default(),
             accelerator: None,
+            measure_noise: false,
         })
         .unwrap();
         assert!(!job.notes().iter().any(|note| note.contains("add up")), "{layout}: {:?}", job.notes());

@@ -142,6 +142,7 @@ fn without_guides(name: &str, denoised: bool) -> ([f64; 2], Vec<String>) {
         bands: None,
         backend: quell::Backend::default(),
         accelerator: None,
+        measure_noise: false,
     });
     assert_eq!(job.unwrap().run(&AtomicBool::new(false), &|_| {}).unwrap().written(), 1);
     let raw = if denoised { "V.Noisy Image.R" } else { "V.Combined.R" };

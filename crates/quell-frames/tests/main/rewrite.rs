@@ -221,3 +221,42 @@ fn bad_headers_are_named() {
     let is_folder = read_headers(&folder.0).unwrap_err();
     assert!(matches!(is_folder, Error::Invalid { .. } | Error::Io { .. }), "{is_folder}");
 }
+
+#[test]
+fn a_channel_is_added_to_every_layout_and_nothing_else_changes() {
+    let Some(frames) = shared_frames() else { return };
+    let folder = Folder::new("added");
+    let (mut single, mut several) = (0, 0);
+    for name in expectations(&frames).keys() {
+        let path = frames.join("exr_aov").join(name);
+        let before = read_image(&path).unwrap();
+        let mut image = read_headers(&path).unwrap();
+        let (part, channel) = image.add_channel(0, "Layer.quell.noise", "Layer.quell.noise.Y").unwrap();
+        let kind = image.parts()[part].channels()[channel].kind();
+        let count = image.parts()[part].size().pixels();
+        let values: Vec<f32> = (0..count).map(|i| (i % 97) as f32 * 0.25).collect();
+        image.replace(part, channel, Samples::from_f32(values.clone(), kind).0).unwrap();
+        // Asked for again it is the same one.
+        assert_eq!(image.add_channel(0, "x", "Layer.quell.noise.Y").unwrap(), (part, channel));
+        let out = folder.file(&format!("added-{}", name.replace('/', "-")));
+        image.write(&out, &ImageWriteOptions::default()).unwrap();
+        let after = read_image(&out).unwrap();
+        if before.parts().len() > 1 {
+            several += 1;
+            assert_eq!(after.parts().len(), before.parts().len() + 1, "{name}");
+            assert_eq!(after.parts()[part].name(), "Layer.quell.noise", "{name}");
+        } else {
+            single += 1;
+            assert_eq!(after.parts().len(), 1, "{name}");
+        }
+        assert_eq!(after.samples(part, channel).unwrap().to_f32(), values, "{name}");
+        for (p, old) in before.parts().iter().enumerate() {
+            for c in old.channels() {
+                let at = after.parts()[p].find(c.name()).unwrap_or_else(|| panic!("{name} {}", c.name()));
+                let new = after.samples(p, at).unwrap();
+                assert!(bits(new) == bits(c.samples().unwrap()), "{name} {}", c.name());
+            }
+        }
+    }
+    assert!(single >= 3 && several >= 3, "{single} {several}");
+}
