@@ -7,7 +7,7 @@ VIEWS holds what the example `blend_views` writes, LADDER the sequences of `benc
 `pip install torch numpy OpenEXR`; about ten minutes on one core. The scenes of `--report` are never trained on: their
 figures are printed (relMSE times lower and flicker, as `benchmarks/score_exr.py` has them).
 
-The loss, relative to that of the noisy frames: relative squared error, absolute error relative to the light, and squared error
+The loss, relative to that of each sequence's best candidate: relative squared error, absolute error relative to the light, and squared error
 of the logarithm, which stands for flicker. References are themselves noisy; their noise is independent of the candidates', so
 it adds a constant to squared errors.
 """
@@ -100,15 +100,20 @@ def main():
     ap = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     ap.add_argument("views")
     ap.add_argument("ladder")
-    ap.add_argument("--fit", required=True)
+    ap.add_argument("--fit", required=True, help="scenes to train on, as harbour:0.1,workshop; the number is the share of its pixels that is taken")
     ap.add_argument("--report", default="")
     ap.add_argument("--weights", help="Rust file to write")
     ap.add_argument("--steps", type=int, default=2500)
     ap.add_argument("--seed", type=int, default=0)
+    ap.add_argument("--without", default="", help="what the net reads, by place, that it shall not")
+    ap.add_argument("--jitter", type=float, default=0.0, help="noise on what the net reads, in its deviations")
+    ap.add_argument("--clamp", type=float, default=100.0, help="the most that a pixel counts, times the mean error of the best candidate")
     a = ap.parse_args()
     torch.set_num_threads(1)
     torch.manual_seed(a.seed)
     rng = np.random.default_rng(a.seed)
+    taken = {name: float(share or 1) for name, _, share in (part.partition(":") for part in a.fit.split(","))}
+    a.fit = ",".join(taken)
     sets = {}
     for scene in filter(None, (a.fit + "," + a.report).split(",")):
         if os.path.isdir(os.path.join(a.views, scene)):
@@ -119,25 +124,28 @@ def main():
     rows = []
     for (scene, count), (inputs, candidates, reference, noise) in sets.items():
         if scene in a.fit.split(","):
-            base = figures(candidates[..., 0, :], reference)
+            base = np.min([figures(candidates[..., k, :], reference) for k in range(CANDIDATES)], 0)
             n = noise.size
-            pick = rng.choice(n, min(n, 120000), False)
+            pick = rng.choice(n, int(min(n, 120000) * taken[scene]), False)
             kind = np.tile(np.array([base[0], base[1] ** 2, base[2]]), (len(pick), 1))
             brightness = candidates[..., 2, :].mean(-1)
             rows.append([v.reshape(n, *v.shape[3:])[pick].astype(np.float32) for v in (inputs, candidates, reference, noise, brightness)] + [kind.astype(np.float32)])
     inputs, candidates, reference, noise, brightness, kind = [torch.tensor(np.concatenate(v)) for v in zip(*rows)]
     scale = inputs.mean(0).numpy(), inputs.std(0).numpy() + 1e-3
+    for k in filter(None, a.without.split(",")):
+        scale[1][int(k)] = 1e6
     inputs = (inputs - torch.tensor(scale[0])) / torch.tensor(scale[1])
     net = Net(inputs.shape[1])
     optimiser = torch.optim.Adam(net.parameters(), 4e-3)
     schedule = torch.optim.lr_scheduler.CosineAnnealingLR(optimiser, a.steps)
     for step in range(a.steps):
         i = torch.randint(0, len(inputs), (8192,))
-        shares, error = net(inputs[i])
+        x = inputs[i]
+        shares, error = net(x + a.jitter * torch.randn_like(x))
         out = (shares[..., None] * candidates[i]).sum(-2)
         r, k = reference[i], kind[i]
-        squared = torch.clamp(rel(out, r) / k[:, 0], max=100.0)
-        change = torch.clamp((log(out) - log(r)) ** 2 / k[:, 1], max=100.0)
+        squared = torch.clamp(rel(out, r) / k[:, 0], max=a.clamp)
+        change = torch.clamp((log(out) - log(r)) ** 2 / k[:, 1], max=a.clamp)
         absolute = ((out - r).abs() / (r + 0.1)).mean(-1) / k[:, 2]
         # expected error over the noise: the mean of a distribution whose logarithm is `error`
         actual = ((out.detach() - r) ** 2).mean(-1) / torch.clamp(noise[i], min=1e-12)

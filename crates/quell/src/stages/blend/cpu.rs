@@ -167,8 +167,8 @@ fn over_time(
 }
 
 /// Squared, relative to the brightness: noise over space; input to wavelet, input to stabilised, wavelet to stabilised; detail
-/// of the stabilised picture and of the wavelet's.
-const SQUARES: usize = 6;
+/// of the stabilised picture and of the wavelet's; changes of the input over space.
+const SQUARES: usize = 7;
 /// What is left of white noise's variance less its mean over 3x3, binomial.
 const HIGH_PASS: f32 = 41.0 / 64.0;
 
@@ -195,6 +195,7 @@ fn squares(here: &BlendFrame<'_>, steady: &Plane<Rgb>, inverse: &Plane<f32>, dif
                 sums[3] += (e - f) * (e - f);
                 sums[4] += high(&|x, y| steady.at(x, y)[c]) * scale * scale;
                 sums[5] += high(&|x, y| here.picture.at(x, y)[c]) * scale * scale;
+                sums[6] += high(&|x, y| here.input.at(x, y)[c]) * scale * scale / HIGH_PASS;
             }
             for (k, sum) in sums.into_iter().enumerate() {
                 out[k * w + x] = sum;
@@ -210,7 +211,7 @@ struct Statistics {
     means: Rows,
     /// Changes over time and neighbours seen, near and wide.
     time: [Rows; 2],
-    /// Noise over space, near and wide.
+    /// Noise over space, and changes of the input, near and wide.
     space: [Rows; 2],
     /// Squared differences and details, near; differences, wide.
     near: Rows,
@@ -219,14 +220,14 @@ struct Statistics {
 
 impl Statistics {
     fn new(differences: &Rows, squares: &Rows) -> Self {
-        let means = pool(&part(differences, 0..9), NOISE_NEAR);
-        let (time, space) = (part(differences, 9..11), part(squares, 0..1));
-        let apart = part(squares, 1..4);
+        let means = pool(&part(differences, &[0, 1, 2, 3, 4, 5, 6, 7, 8]), NOISE_NEAR);
+        let (time, space) = (part(differences, &[9, 10]), part(squares, &[0, 6]));
+        let apart = part(squares, &[1, 2, 3]);
         Self {
             means,
             time: [NOISE_NEAR, NOISE_WIDE].map(|r| pool(&time, r)),
             space: [NOISE_NEAR, NOISE_WIDE].map(|r| pool(&space, r)),
-            near: pool(&part(squares, 1..6), NEAR),
+            near: pool(&part(squares, &[1, 2, 3, 4, 5]), NEAR),
             wide: pool(&apart, WIDE),
         }
     }
@@ -239,6 +240,7 @@ impl Statistics {
             over_time: [0, 1].map(|k| self.time[k].at(x, y, 0)),
             seen: [0, 1].map(|k| self.time[k].at(x, y, 1)),
             over_space: [0, 1].map(|k| self.space[k].at(x, y, 0)),
+            input: [0, 1].map(|k| self.space[k].at(x, y, 1)),
             apart: [near[0], near[1], near[2], wide[0], wide[1], wide[2]],
             detail: [self.near.at(x, y, 3), self.near.at(x, y, 4)],
             mean: [mean(0), mean(1), mean(2)],
@@ -292,12 +294,12 @@ fn draw_back(shares: &mut Plane<[f32; 3]>, differences: &Rows, stats: &Statistic
 }
 
 /// Some channels of an image.
-fn part(rows: &Rows, channels: std::ops::Range<usize>) -> Rows {
+fn part(rows: &Rows, channels: &[usize]) -> Rows {
     let size = rows.size();
     let mut out = Rows::new(size, channels.len());
     par::rows(out.data_mut(), (channels.len() * size.width).max(1), |y, out| {
-        for (out, c) in out.chunks_exact_mut(size.width).zip(channels.clone()) {
-            out.copy_from_slice(rows.row(y, c));
+        for (out, c) in out.chunks_exact_mut(size.width).zip(channels) {
+            out.copy_from_slice(rows.row(y, *c));
         }
     });
     out

@@ -13,7 +13,7 @@
 //! No other stage asks what its average is worth against what it started from. Here the input itself judges: the differences of
 //! the three pictures, pooled over windows, are compared with the noise of the input, which is found twice: from the changes of
 //! input less wavelet's picture along the surface's motion (a bias that stays cancels), and from its changes between
-//! neighbouring pixels (a smooth bias cancels). Differences are taken relative to the local brightness, and given to the net as
+//! neighbouring pixels (a smooth bias cancels); it is no more than the changes of the input itself between neighbouring pixels. Differences are taken relative to the local brightness, and given to the net as
 //! logarithms of their ratio to that noise: what it learned at one number of samples holds at others.
 //!
 //! The shares steer pictures and passes alike, so that passes add up. With any weights of the net the output tends to the
@@ -148,6 +148,8 @@ pub(crate) struct Pooled {
     pub seen: [f32; 2],
     /// Noise over space, near and wide.
     pub over_space: [f32; 2],
+    /// Detail and noise of the input together, near and wide: no noise is larger.
+    pub input: [f32; 2],
     /// Input to wavelet, input to stabilised, wavelet to stabilised; near, then wide.
     pub apart: [f32; 6],
     /// Detail of the stabilised picture and of the wavelet's.
@@ -164,7 +166,7 @@ impl Pooled {
     /// Noise of the input: squared, relative to the brightness.
     #[inline(always)]
     pub(crate) fn noise(&self, wide: usize) -> f32 {
-        let (time, space) = (self.over_time[wide], self.over_space[wide]);
+        let (time, space) = (self.over_time[wide], self.over_space[wide].min(self.input[wide]));
         (if self.seen[wide] > LEAST_SEEN { (time / self.seen[wide]).min(space) } else { space }).max(LEAST)
     }
 

@@ -47,6 +47,7 @@ pub fn run(
             over_time: [NOISE_NEAR, NOISE_WIDE].map(|r| pool(r, &|x, y| time.at(x, y).change)),
             seen: [NOISE_NEAR, NOISE_WIDE].map(|r| pool(r, &|x, y| time.at(x, y).seen)),
             over_space: [NOISE_NEAR, NOISE_WIDE].map(|r| pool(r, &space)),
+            input: [NOISE_NEAR, NOISE_WIDE].map(|r| pool(r, &|x, y| detail(here.input, x, y) / (41.0 / 64.0))),
             apart: [
                 pool(NEAR, &|x, y| squared(wavelet.at(x, y))),
                 pool(NEAR, &|x, y| squared(stabilised.at(x, y))),
