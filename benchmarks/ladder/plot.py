@@ -1,6 +1,9 @@
 """Curves of error over samples, an SVG with one panel a sequence, from the JSON files that `ladder.py` writes.
 
     python3 benchmarks/ladder/plot.py OUT.svg DATA/results/quell.json [MORE.json ...] [--figure relmse|flip|flicker] [--columns 4]
+    python3 benchmarks/ladder/plot.py - DATA/results/quell.json --table
+
+`--table` prints the ratios to the input as a Markdown table instead of drawing: HDR-FLIP, relMSE times lower, flicker.
 
 Both axes are logarithmic. The input, Open Image Denoise, and quell under the label that it was scored with; further files
 add further labels. Needs nothing but Python.
@@ -55,13 +58,45 @@ def panel(scene, lines, colors, x0, y0):
     return out
 
 
+def times(ratio):
+    """relMSE "times lower" with as many digits as say something."""
+    t = 1 / ratio
+    return f"{t:.0f}" if t >= 20 else f"{t:.1f}" if t >= 2 else f"{t:.2f}" if t >= 0.05 else f"{t:.4f}"
+
+
+def table(paths):
+    """Rows of a sequence and count; each filter's three ratios, and of quell the share of blocks that are worse."""
+    entries, labels = {}, []
+    for path in paths:
+        for entry in json.load(open(path)):
+            entries.setdefault((entry["scene"], entry["spp"]), {}).update(entry["filters"])
+            labels += [label for label in entry["filters"] if label != "input" and label not in labels]
+    own = [label for label in labels if label != "oidn"]
+    head = [*own, "Open Image Denoise", *(f"{label}: worse blocks of 1000, worst" for label in own)]
+    print("| sequence, samples | " + " | ".join(head) + " |\n|---|" + "---|" * len(head))
+    for (scene, spp), filters in sorted(entries.items()):
+        cells = []
+        for label in [*own, "oidn"]:
+            r = filters[label]["ratio"] if label in filters else None
+            cells.append("-" if r is None else f"{r['flip']:.3f} / {times(r['relmse'])} / {r['flicker']:.3f}")
+        for label in own:
+            b = filters[label]["blocks"] if label in filters else {"counted": 0}
+            share = f"{1000 * b['worse'] / b['counted']:.1f}" if b["counted"] else "-"
+            cells.append(share + (f", {b['worst'][0][0]:.1f}" if b["counted"] and b["worst"] else ""))
+        print(f"| `{scene}`, {spp} | " + " | ".join(cells) + " |")
+
+
 def main():
     ap = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     ap.add_argument("out")
     ap.add_argument("files", nargs="+")
     ap.add_argument("--figure", choices=tuple(TITLES), default="relmse")
     ap.add_argument("--columns", type=int, default=4)
+    ap.add_argument("--table", action="store_true")
     a = ap.parse_args()
+    if a.table:
+        table(a.files)
+        return
     found = curves(a.files, a.figure)
     labels = list(dict.fromkeys(label for lines in found.values() for label in lines))
     own = [label for label in labels if label not in COLORS]
