@@ -248,10 +248,10 @@ fn mebibytes(bytes: u64) -> u64 {
 const WINDOW: &str = "the frames of a window";
 
 const WHAT: &str = "the wavelet of a frame";
-/// Bytes of a pixel of a colour, of one number, and of a mean with its variance.
+/// Bytes of a pixel of a colour, of one number, and of what the wavelet compares.
 const COLOUR: u64 = 16;
 const NUMBER: u64 = 4;
-const COMPARED: u64 = 8;
+const COMPARED: u64 = 16;
 
 /// Some rows of a frame on the device.
 struct Band {

@@ -53,6 +53,8 @@ const ALL: &[(&str, Number)] = &[
     ("LEAST_TOLERANCE", F32(guide_distance::LEAST_TOLERANCE)),
     ("DIVIDED", F32(feature_noise::DIVIDED)),
     ("LEAST_COUNT", F32(gather::LEAST_COUNT)),
+    ("FREE_COUNT", F32(gather::FREE_COUNT)),
+    ("LEAST_NOISE", F32(gather::LEAST_NOISE)),
     ("SPLINE", Vec3(wavelet::SPLINE)),
     ("TENT", Vec2(wavelet::TENT)),
     ("LEAST_VARIANCE", F32(wavelet::LEAST_VARIANCE)),

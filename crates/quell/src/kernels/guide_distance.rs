@@ -6,7 +6,7 @@
 //! | depth | ((1/z_q - 1/z_p - s d) / t)^2; s: slope of 1/z, d: pixels between, t: tolerance, which grows with d, with the slope and with the buffer's own noise |
 //! | normal | `wavelet.normal` (1 - cos) / (1 + its own noise) |
 //! | albedo seen in mirrors and through glass, colour of the surface | \|a - b\|^2 / (2 tolerance^2) |
-//! | normal seen there | `wavelet.seen_normal` (1 - cos) |
+//! | normal seen there | `wavelet.seen_normal` (1 - cos); 0 where both have none |
 //!
 //! A weight is exp(-distance), taken as (1 - distance / 16)^16 where that is positive: four multiplications, the same
 //! bits on every machine, and nothing beyond a distance of 16.
@@ -52,8 +52,11 @@ pub fn guide_distance(f: &LocalFeatures, class: Class, p: (usize, usize), q: (us
         Class::Seen => {
             distance += colours(&f.seen_albedo, s.seen_albedo);
             if !f.seen_normal[0].is_empty() {
-                let cosine: f32 = three(|c| f.seen_normal[c][i] * f.seen_normal[c][j]).iter().sum();
-                distance += s.seen_normal * (1.0 - cosine);
+                let (np, nq) = (three(|c| f.seen_normal[c][i]), three(|c| f.seen_normal[c][j]));
+                // The sky in a mirror has none.
+                if np != [0.0; 3] || nq != [0.0; 3] {
+                    distance += s.seen_normal * (1.0 - three(|c| np[c] * nq[c]).iter().sum::<f32>());
+                }
             }
         }
         Class::Coloured => distance += colours(&f.albedo, s.albedo),

@@ -64,7 +64,9 @@ fn guide_distance(p: Features, q: Features, offset: vec2f, stops: GuideStops) ->
     let d = p.colour.xyz - q.colour.xyz;
     sum += stops.colour * dot(d, d);
     if stops.seen_normal > 0.0 {
-        sum += stops.seen_normal * (1.0 - dot(p.seen_normal.xyz, q.seen_normal.xyz));
+        // The sky in a mirror has none.
+        let has_seen = any(p.seen_normal.xyz != vec3f(0.0)) || any(q.seen_normal.xyz != vec3f(0.0));
+        sum += select(0.0, stops.seen_normal * (1.0 - dot(p.seen_normal.xyz, q.seen_normal.xyz)), has_seen);
     }
     return sum;
 }

@@ -103,7 +103,11 @@ pub(crate) fn guide_distances(
             let nq = [0, 1, 2].map(|c| o.taps(row(&local.seen_normal[c], w, o.qy)));
             let seen = &mut seen[..n];
             for i in 0..n {
-                seen[i] += s.seen_normal * (1.0 - (np[0][i] * nq[0][i] + np[1][i] * nq[1][i] + np[2][i] * nq[2][i]));
+                let cosine = np[0][i] * nq[0][i] + np[1][i] * nq[1][i] + np[2][i] * nq[2][i];
+                // The sky in a mirror has none.
+                let length =
+                    np[0][i].abs() + np[1][i].abs() + np[2][i].abs() + nq[0][i].abs() + nq[1][i].abs() + nq[2][i].abs();
+                seen[i] += if length > 0.0 { s.seen_normal * (1.0 - cosine) } else { 0.0 };
             }
         }
     }

@@ -84,6 +84,12 @@ pub struct WaveletLight {
     pub tolerance: f32,
     /// The same where [`Guide::SeenColour`] is marked as a mirror.
     pub mirror_tolerance: f32,
+    /// The same where there is little noise.
+    pub low_tolerance: f32,
+    /// Deviation of a compared mean, relative, at which the stop lies half between (in squares).
+    pub low_noise: f32,
+    /// The most that a neighbour's variance counts, times a pixel's own.
+    pub variance_ratio: f32,
 }
 
 impl WaveletLight {
@@ -116,6 +122,9 @@ impl WaveletLight {
             seen_normal: if seen && has_seen_normal { s.seen_normal } else { 0.0 },
             tolerance: k * k,
             mirror_tolerance: mirror * mirror,
+            low_tolerance: s.low * s.low,
+            low_noise: s.low_noise,
+            variance_ratio: s.variance_ratio,
         }
     }
 }

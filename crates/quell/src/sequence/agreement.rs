@@ -210,7 +210,7 @@ fn every_stage_agrees_with_its_reference() {
         (members.iter()).map(|frame| (stages_of(Backend::Cpu).sum)(frame, slots, &gathered.colours)).collect();
     check("input", |stages| vec![colours("input", &(stages.input)(here, slots, &filtered))]);
     let raw: Vec<_> = (members.iter()).map(|frame| (stages_of(Backend::Cpu).input)(frame, slots, &filtered)).collect();
-    let smoothed: Vec<_> = pictures.iter().map(|picture| blurred(picture)).collect();
+    let smoothed: Vec<_> = pictures.iter().map(blurred).collect();
     check("likeness", |stages| {
         let likeness = (stages.likeness)(&smoothed[2], &raw[2], &s.stabilise);
         vec![colours("guide", &likeness.guide), ("tolerance".to_owned(), likeness.tolerance.data().to_vec())]

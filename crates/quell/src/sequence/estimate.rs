@@ -35,6 +35,9 @@ pub enum FramePlane {
     SeenNormal,
     /// Samples of a colour plane: four halves, the last 0. Its number among all of a frame's, the same in every frame.
     Samples(usize),
+    /// Mean of a light around the pixel and its deviation, below 0 where it has no noise: two halves. The number of the
+    /// light's first plane.
+    Light(usize),
 }
 
 impl FramePlane {
@@ -45,6 +48,7 @@ impl FramePlane {
     pub fn bytes(self) -> usize {
         match self {
             Self::Surface | Self::Normal => 16,
+            Self::Light(_) => 4,
             _ => 8,
         }
     }
@@ -281,6 +285,16 @@ impl<'a> EstimateJob<'a> {
             FramePlane::ReflectionToNext => self.motion(align, member.features.motion.reflection_to_next.as_ref()),
             FramePlane::SeenColour => self.packed(align, member.features.seen.as_ref().map(|seen| (seen, 0))),
             FramePlane::SeenNormal => self.packed(align, member.features.seen.as_ref().map(|seen| (seen, 1))),
+            FramePlane::Light(number) => {
+                let light = member.slots.iter().find(|slot| slot.first == number).map(|slot| slot.light);
+                let means = light.and_then(|light| member.means.places.get(light).copied().flatten());
+                self.texels(align, bytes, |i, texel| {
+                    let values = means.map_or([half::f16::ZERO; 2], |m| member.means.data[i * member.means.lights + m]);
+                    for (bytes, value) in texel.as_chunks_mut::<2>().0.iter_mut().zip(values) {
+                        *bytes = value.to_le_bytes();
+                    }
+                })
+            }
             FramePlane::Samples(number) => {
                 let owner = member.slots.iter().find(|slot| (slot.first..slot.first + slot.planes).contains(&number));
                 self.packed(

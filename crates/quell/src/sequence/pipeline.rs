@@ -202,10 +202,10 @@ mod tests {
     fn reach_adds_up() {
         let mut s = SequenceSettings::default();
         let plan = SequencePlan::new(&s);
-        assert_eq!(plan.frames(), 10);
+        assert_eq!(plan.frames(), 11);
         // Five levels: 2 * 31 + 5; variance 2, feature noise 2, the windows of stabilise and blend: 6 each; two footprints of 2.
         assert_eq!(plan.rows(0.0, 100.0), 67 + 2 + 2 + 6 + 6 + 2 * 2);
-        assert_eq!(plan.rows(1.5, 100.0), plan.rows(0.0, 100.0) + 12 + 3);
+        assert_eq!(plan.rows(1.5, 100.0), plan.rows(0.0, 100.0) + 12 + 5);
         assert_eq!(plan.rows(1000.0, 30.0), plan.rows(0.0, 100.0) + 30 + 30);
         s.stabilise.frames = 0;
         s.blend.choose = false;

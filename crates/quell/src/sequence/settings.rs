@@ -119,7 +119,7 @@ parameters! {
             higher "Smoother with many samples a pixel.", lower "Detail stays with many samples a pixel.", source "ours: docs/sequence.md";
         low_noise: f32 = 0.1, 0.0..=16.0, "of the luminance", "Deviation of a compared mean at which the stop lies half between (in squares).",
             higher "`wavelet.low` counts sooner.", lower "Later; 0: never.", source "ours";
-        variance_ratio: f32 = 8.0, 0.0..=1e9, "times a pixel's own", "The most that a neighbour's variance counts in the luminance stop.",
+        variance_ratio: f32 = 4.0, 0.0..=1e6, "times a pixel's own", "The most that a neighbour's variance counts in the luminance stop.",
             higher "Light with noise leaks into light without.", lower "Fireflies stay.", source "ours";
         normal: f32 = 48.0, 0.0..=1000.0, "per 1 - cosine", "Fall of the weight between normals.",
             higher "Sharper creases, less smoothing of curved surfaces.", lower "Light leaks round corners.", source "SVGF: 128th power";
@@ -154,12 +154,12 @@ parameters! {
             higher "Moving reflections smear.", lower "They stay noisy.", source "ours";
         departure: f32 = 1.0, 0.0..=64.0, "pixels", "How far the reflection's motion may differ from the surface's for that.",
             higher "Moving reflections smear.", lower "They stay noisy.", source "ours";
-        likeness: f32 = 0.22, 0.0..=64.0, "of the variance", "How far smoothed pictures may differ, squared, in variances of both pictures.",
+        likeness: f32 = 2.0, 0.0..=64.0, "of the variance", "How far smoothed pictures may differ, squared, in variances of both pictures.",
             higher "Patterns and reflections smear.", lower "More flicker.", source "ours: docs/sequence.md";
-        residue: f32 = 0.1, 0.0..=1.0, "of the noise's variance", "Noise of the frame as it came that the filtered picture is believed to keep.",
+        residue: f32 = 0.5, 0.0..=1.0, "of the noise's variance", "Noise of the frame as it came that the filtered picture is believed to keep where noise is strong.",
             higher "Patterns and reflections smear.", lower "More flicker.", source "ours";
-        contrast: f32 = 0.1, 0.0..=1.0, "of the picture", "The most that `stabilise.residue` comes to.",
-            higher "Patterns smear where noise is strong.", lower "More flicker there.", source "ours";
+        low_noise: f32 = 0.25, 0.0..=16.0, "of the picture", "Deviation of the noise of the frame as it came at which a quarter of `stabilise.residue` counts.",
+            higher "Less is averaged with many samples a pixel.", lower "More: patterns and reflections smear.", source "ours";
         nearer: f32 = 1.02, 1.0..=4.0, "times 1/depth", "How much nearer a neighbour in 3x3 must be to stand in front: more than the slope of one surface makes.",
             higher "Silhouettes move with what is behind.", lower "Slanted surfaces move with their nearest pixel.", source "ours";
         depth_change: f32 = 0.1, 0.0..=1.0, "of depth", "Most change of depth a frame of what is in front.",

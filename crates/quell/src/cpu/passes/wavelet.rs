@@ -11,27 +11,22 @@ use crate::window::{LightSlot, LocalFeatures, Rows};
 pub(crate) fn run(local: &LocalFeatures, slots: &[LightSlot], colours: Rows, variance: Rows, s: &Wavelet) -> Rows {
     let (mut colours, mut variance) = (colours, variance);
     let most = slots.iter().map(|slot| levels(s, slot.kind)).max().unwrap_or(0);
-    let mut first = Rows::empty();
-    for level_number in 0..most {
-        let level = level_number;
+    let mut first: Option<Rows> = None;
+    for level in 0..most {
         let compared = compared(local, slots, &colours, &variance, s);
         let active: Vec<usize> = (0..slots.len()).filter(|&l| levels(s, slots[l].kind) > level).collect();
-        let step = 1 << level;
-        let level = Level {
+        (colours, variance) = filter(&Level {
             local,
             slots,
             colours: &colours,
             variance: &variance,
             compared: &compared,
-            first: if level_number == 0 { &compared } else { &first },
-            step,
+            first: first.as_ref().unwrap_or(&compared),
+            step: 1 << level,
             active: &active,
             settings: s,
-        };
-        (colours, variance) = filter(&level);
-        if level_number == 0 {
-            first = compared;
-        }
+        });
+        first.get_or_insert(compared);
     }
     colours
 }

@@ -44,6 +44,15 @@ fn sample_at(k: u32, there: WindowFrame, pixel: vec2i) -> vec3f {
     }
 }
 
+fn light_at(k: u32, there: WindowFrame, pixel: vec2i) -> vec2f {
+    switch k {
+        case 0u: { return textureLoad(light_0, pixel, there.layer, 0).xy; }
+        case 1u: { return textureLoad(light_1, pixel, there.layer, 0).xy; }
+        case 2u: { return textureLoad(light_2, pixel, there.layer, 0).xy; }
+        default: { return textureLoad(light_3, pixel, there.layer, 0).xy; }
+    }
+}
+
 @compute @workgroup_size(8, 8)
 fn gather_samples(@builtin(global_invocation_id) id: vec3u) {
     let pixel = vec2i(id.xy);

@@ -1,5 +1,5 @@
 // Stage 3 of the sequence filter, one level, one pixel an invocation.
-fn compared_at(i: u32) -> vec2f {
+fn compared_at(i: u32) -> vec4f {
     return compared[i];
 }
 

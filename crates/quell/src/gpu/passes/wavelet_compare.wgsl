@@ -1,5 +1,5 @@
 // What the luminance stop of stage 3 compares, one pixel an invocation.
-fn compared_at(i: u32) -> vec2f {
+fn compared_at(i: u32) -> vec4f {
     return compared[i];
 }
 

@@ -143,6 +143,9 @@ impl<'w> Stages<'w> {
             let samples = |k: usize| {
                 self.frames(planes.get(k).map_or(FramePlane::Surface, |(l, k)| FramePlane::Samples(l.first + k)))
             };
+            let light = |k: usize| {
+                self.frames(planes.get(k).map_or(FramePlane::Surface, |(light, _)| FramePlane::Light(light.first)))
+            };
             let frames = [
                 FramePlane::Surface,
                 FramePlane::Normal,
@@ -156,6 +159,7 @@ impl<'w> Stages<'w> {
             let bound: Vec<_> = std::iter::once(Bindable::Uniform(&settings))
                 .chain(frames.map(|plane| self.frames(plane)))
                 .chain((0..TOGETHER).map(samples))
+                .chain((0..TOGETHER).map(light))
                 .chain([Bindable::Buffer(&members)])
                 .chain(means.iter().map(Bindable::Buffer))
                 .chain([counts, &self.work.most].map(Bindable::Buffer))
@@ -196,6 +200,10 @@ impl<'w> Stages<'w> {
             same_noise: s.same_noise,
             seen_albedo: s.seen_albedo,
             seen_normal: s.seen_normal,
+            light_deviations: s.light_deviations,
+            light_deviations_high: s.light_deviations_high,
+            light_noise: s.light_noise,
+            light_contrast: s.light_contrast,
             seen: bits(|light| light.seen),
             reflected: bits(|light| light.reflected),
             planes: planes.len() as u32,

@@ -39,6 +39,11 @@ uniforms! {
         pub(super) same_noise: f32,
         pub(super) seen_albedo: f32,
         pub(super) seen_normal: f32,
+        /// How far the light around may differ in another frame.
+        pub(super) light_deviations: f32,
+        pub(super) light_deviations_high: f32,
+        pub(super) light_noise: f32,
+        pub(super) light_contrast: f32,
         /// The planes' bits: of light that is seen in mirrors and through glass, and of what moves by its own motion there.
         pub(super) seen: u32,
         pub(super) reflected: u32,
@@ -78,6 +83,11 @@ uniforms! {
         /// Squared, of the luminance stop.
         pub(super) tolerance: f32,
         pub(super) mirror_tolerance: f32,
+        /// The same where there is little noise; deviation of a mean, relative, at which it lies half between.
+        pub(super) low_tolerance: f32,
+        pub(super) low_noise: f32,
+        /// The most that a neighbour's variance counts, times a pixel's own.
+        pub(super) variance_ratio: f32,
         pub(super) least_contrast: f32,
         /// Of the variance: pixels around that are pooled, samples that are trusted, the light's place among the counts, and
         /// whether the renderer gave a variance.
@@ -96,6 +106,9 @@ impl LightUniforms {
             step,
             tolerance: light.tolerance,
             mirror_tolerance: light.mirror_tolerance,
+            low_tolerance: light.low_tolerance,
+            low_noise: light.low_noise,
+            variance_ratio: light.variance_ratio,
             least_contrast: light.least_contrast,
             radius: 0,
             trusted_samples: 0.0,

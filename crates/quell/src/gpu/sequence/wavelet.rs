@@ -35,7 +35,7 @@ pub struct WaveletBuffers<'a> {
     pub guide_colours: &'a wgpu::Buffer,
     /// [`crate::sequence::Guide::SeenNormal`].
     pub seen_normals: &'a wgpu::Buffer,
-    /// Of the filter itself, 8 bytes a pixel.
+    /// Of the filter itself, 16 bytes a pixel.
     pub compared: &'a wgpu::Buffer,
     /// For each colour plane of the light: that plane ([`WaveletJob::colours`]), and another of its size. Both are
     /// overwritten. The first is the light itself; it decides the weights of all.

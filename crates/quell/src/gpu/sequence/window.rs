@@ -21,7 +21,7 @@ pub(super) const PASS: &str = "sequence_window";
 /// Bytes of a pixel of a colour or a guide, of one number, and of a mean with its variance.
 pub(super) const COLOUR: u64 = 16;
 const NUMBER: u64 = 4;
-const COMPARED: u64 = 8;
+const COMPARED: u64 = 16;
 
 /// Textures of one kind of plane.
 #[derive(Debug)]
@@ -61,6 +61,7 @@ fn format(plane: FramePlane) -> wgpu::TextureFormat {
         | FramePlane::ToNext
         | FramePlane::ReflectionToPrevious
         | FramePlane::ReflectionToNext => wgpu::TextureFormat::Rg32Float,
+        FramePlane::Light(_) => wgpu::TextureFormat::Rg16Float,
         FramePlane::SeenColour | FramePlane::SeenNormal | FramePlane::Samples(_) => wgpu::TextureFormat::Rgba16Float,
     }
 }
@@ -267,6 +268,7 @@ fn needed(job: &EstimateJob<'_>, place: usize) -> Vec<FramePlane> {
         planes.extend([FramePlane::SeenColour, FramePlane::SeenNormal]);
     }
     for light in job.lights().iter().filter(|light| light.places.get(place) == Some(&LightPlace::At)) {
+        planes.push(FramePlane::Light(light.first));
         planes.extend((light.first..light.first + light.wavelet.planes).map(FramePlane::Samples));
     }
     planes

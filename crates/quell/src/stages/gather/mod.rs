@@ -37,7 +37,7 @@ pub(crate) const LEAST_COUNT: f32 = 1.01;
 /// Samples that a pixel without noise is worth: its variance is 0, and beside it that of pixels with noise still counts.
 pub(crate) const FREE_COUNT: f32 = 16.0;
 /// Keeps a quotient finite where there is neither light nor noise.
-const LEAST_NOISE: f32 = 1e-20;
+pub(crate) const LEAST_NOISE: f32 = 1e-20;
 
 /// What is known of every light before any filter over the image.
 #[derive(Clone, Debug, PartialEq)]

@@ -2,7 +2,8 @@
 // trajectory, four colour planes at a time.
 //
 // The pass supplies the structs `GatherSettings` (as `settings`) and `WindowFrame`, and of the frame at a place of the window
-// `frame_at`, `surface_at`, `is_mirror`, `seen_colour_at`, `seen_normal_at`, `motion_at` and `sample_at`.
+// `frame_at`, `surface_at`, `is_mirror`, `seen_colour_at`, `seen_normal_at`, `motion_at`, `sample_at` and
+// `light_at` (mean of a light around a pixel, and its deviation, below 0 where it has no noise).
 
 // What is asked of a pixel's surface.
 struct SurfacePoint {
@@ -67,6 +68,39 @@ var<private> pivot: vec4f;
 // What is seen in mirrors and through glass at the pixel that is estimated.
 var<private> seen_here: array<vec3f, 2>;
 var<private> mirror_here: bool;
+// The light around the pixel that is estimated, and the planes without noise there.
+var<private> light_here: array<vec2f, 4>;
+var<private> free: u32;
+
+// What is left of a sample's weight where its light differs by more than noise from the light here.
+fn light_likeness(here: vec2f, there: vec2f) -> f32 {
+    let d = here.x - there.x;
+    let mean = 0.5 * (here.x + there.x);
+    let a = max(here.y, 0.0);
+    let b = max(there.y, 0.0);
+    let noise = a * a + b * b;
+    let low = settings.light_deviations;
+    let high = settings.light_deviations_high;
+    let scale = settings.light_noise * mean;
+    let share = noise / (noise + scale * scale + LEAST_NOISE);
+    let deviations = low * low + max(high * high - low * low, 0.0) * share;
+    let contrast = settings.light_contrast * mean;
+    let allowed = deviations * noise + contrast * contrast;
+    let squared = d * d;
+    if squared <= allowed {
+        return 1.0;
+    }
+    let left = allowed / squared;
+    return left * left;
+}
+
+// Of one of the four planes; black light has mean 0.
+fn light_of(k: u32, there: WindowFrame, pixel: vec2i) -> vec2f {
+    if there.places[k] != PLANE_THERE {
+        return vec2f(0.0);
+    }
+    return light_at(k, there, pixel);
+}
 
 // How unlike the things are that the pixel shows here, and `pixel` of another frame there, in a mirror or through
 // glass, as the exponent of a weight.
@@ -86,7 +120,7 @@ fn seen_distance(here: WindowFrame, there: WindowFrame, pixel: vec2i) -> f32 {
 }
 
 // One tap: `share` of the pixel, times what each plane's weight has fallen to; only for the planes in `mask`.
-fn add(there: WindowFrame, pixel: vec2i, share: f32, power: vec4f, mask: u32) {
+fn add(there: WindowFrame, pixel: vec2i, share: f32, power: vec4f, mask: u32, itself: bool) {
     var weights = share * power;
     let of_mirrors = settings.seen & mask;
     if of_mirrors != 0u {
@@ -95,6 +129,14 @@ fn add(there: WindowFrame, pixel: vec2i, share: f32, power: vec4f, mask: u32) {
     }
     let counts_here = planes_of(mask) & (there.places != vec4u(PLANE_UNKNOWN));
     weights = select(vec4f(0.0), weights, counts_here);
+    if !itself {
+        weights = select(weights, vec4f(0.0), planes_of(free));
+        for (var k = 0u; k < settings.planes; k++) {
+            if weights[k] > 0.0 {
+                weights[k] *= light_likeness(light_here[k], light_of(k, there, pixel));
+            }
+        }
+    }
     var off = -pivot;
     for (var k = 0u; k < settings.planes; k++) {
         if weights[k] > 0.0 && there.places[k] == PLANE_THERE {
@@ -166,7 +208,7 @@ fn follow(pixel: vec2i, forward: bool, reflected: bool, mask: u32) {
                 nearest = q;
             }
             if !repeated {
-                add(there, q, share * trust, power, mask);
+                add(there, q, share * trust, power, mask, false);
             }
         }
         if best == 0.0 {
@@ -182,7 +224,7 @@ fn follow(pixel: vec2i, forward: bool, reflected: bool, mask: u32) {
 
 // All taps of the pixel, itself first.
 fn gather_trajectories(pixel: vec2i, reflected: bool, mask: u32) {
-    add(frame_at(settings.centre), pixel, 1.0, vec4f(1.0), mask);
+    add(frame_at(settings.centre), pixel, 1.0, vec4f(1.0), mask, true);
     follow(pixel, false, reflected, mask);
     if settings.future != 0u {
         follow(pixel, true, reflected, mask);
@@ -208,6 +250,10 @@ fn gather(pixel: vec2i) -> Gathered {
         if here.places[k] == PLANE_THERE {
             pivot[k] = luminance(sample_at(k, here, pixel));
         }
+        light_here[k] = light_of(k, here, pixel);
+        if light_here[k].y < 0.0 {
+            free |= 1u << k;
+        }
     }
     let all_planes = (1u << settings.planes) - 1u;
     var reflected = 0u;
@@ -224,11 +270,12 @@ fn gather(pixel: vec2i) -> Gathered {
     var result: Gathered;
     for (var k = 0u; k < settings.planes; k++) {
         let colour = sums[k] / total[k];
-        let count = total[k] * total[k] / squares[k];
+        let is_free = (free & (1u << k)) != 0u;
+        let count = select(total[k] * total[k] / squares[k], FREE_COUNT, is_free);
         let mean = luminance(colour) - pivot[k];
         let spread = max(second[k] / total[k] - mean * mean, 0.0);
         var moment = 0.0;
-        if count > LEAST_COUNT {
+        if count > LEAST_COUNT && !is_free {
             moment = spread * count / (count - 1.0);
         }
         result.means[k] = vec4f(colour, moment);

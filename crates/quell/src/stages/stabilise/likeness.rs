@@ -1,6 +1,6 @@
 //! What a picture shows without its noise, and how far that may be off: by it `stabilise` counts a neighbour in time.
 
-use super::{Likeness, POOL};
+use super::{LEAST_NOISE, Likeness, POOL};
 use crate::frame::Rgb;
 use crate::par;
 use crate::plane::{Plane, Size};
@@ -14,10 +14,10 @@ pub(crate) fn run(picture: &Plane<Rgb>, raw: &Plane<Rgb>, s: &Stabilise) -> Like
     let fine = par::plane(size, |x, y| squared(picture.at(x, y), binomial(picture, x, y)));
     let noise = par::plane(size, |x, y| squared(picture.at(x, y), raw.at(x, y)));
     let tolerance = par::plane(size, |x, y| {
-        let noise = mean(&noise, POOL, x, y);
-        let g = guide.at(x, y);
-        let most = s.contrast * s.contrast * (g[0] * g[0] + g[1] * g[1] + g[2] * g[2]);
-        s.likeness * mean(&fine, 1, x, y).min(noise) + 0.5 * (s.residue * noise).min(most)
+        let (noise, g) = (mean(&noise, POOL, x, y), guide.at(x, y));
+        let calm = s.low_noise * s.low_noise * (g[0] * g[0] + g[1] * g[1] + g[2] * g[2]);
+        let share = noise / (noise + calm + LEAST_NOISE);
+        (s.likeness * mean(&fine, 1, x, y)).min(s.residue * share * share * noise)
     });
     Likeness { guide, tolerance }
 }

@@ -7,7 +7,7 @@
 //! | writes | the steadier picture, and its coverage |
 //! | reach | `stabilise.frames` frames before and after; 6 pixels in a frame: 3 of the cubic, 1 of the range, 2 of what is in front before and after motion; 2 rows where motion is rounded |
 //! | equation | out = (c + sum_k w_k clamp(c_k, low, high)) / (1 + sum_k w_k), w_k = decay^(k - 1) * likeness of what a mirror shows * t / (t + \|G - G_k\|^2) |
-//! | t | sum over both pictures of `likeness` min(v, n) + min(`residue` n, (`contrast` G)^2) / 2; G: binomial 3x3 of the median in 3x3; v: mean over 3x3 of \|P - binomial P\|^2; n: mean over 5x5 of \|P - P as it came\|^2 |
+//! | t | sum over both pictures of min(`likeness` v, `residue` n (n / (n + (`low_noise` G)^2))^2); G: binomial 3x3 of the median in 3x3; v: mean over 3x3 of \|P - binomial P\|^2; n: mean over 5x5 of \|P - P as it came\|^2 |
 //! | source | temporal anti-aliasing (Karis 2014) with both neighbours in time; ours: `docs/sequence.md` |
 //! | parameters | `stabilise.*`, `gather.travel`, `gather.future` |
 //!
@@ -37,6 +37,8 @@ pub struct Likeness {
 
 /// Pixels around, each way, over which the noise of the frame as it came is pooled.
 const POOL: usize = 2;
+/// Keeps a quotient finite where there is neither light nor noise.
+const LEAST_NOISE: f32 = 1e-20;
 
 /// A frame as the stage reads it.
 #[derive(Clone, Copy, Debug)]

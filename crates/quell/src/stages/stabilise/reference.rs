@@ -1,6 +1,6 @@
 //! The specification of `stabilise`.
 
-use super::{Likeness, POOL, StabiliseFrame, seen_difference};
+use super::{LEAST_NOISE, Likeness, POOL, StabiliseFrame, seen_difference};
 use crate::frame::Rgb;
 use crate::kernels::guide_distance::weight;
 use crate::plane::Plane;
@@ -85,8 +85,8 @@ pub fn likeness(picture: &Plane<Rgb>, raw: &Plane<Rgb>, s: &Stabilise) -> Likene
     let tolerance = Plane::from_fn(size, |x, y| {
         let (fine, noise) = (pooled(&fine, 1, x, y), pooled(&noise, POOL, x, y));
         let bright: f64 = guide.at(x, y).iter().map(|v| f64::from(*v).powi(2)).sum();
-        let kept = (f64::from(s.residue) * noise).min(f64::from(s.contrast).powi(2) * bright) / 2.0;
-        (f64::from(s.likeness) * fine.min(noise) + kept) as f32
+        let noisy = noise / (noise + f64::from(s.low_noise).powi(2) * bright + f64::from(LEAST_NOISE));
+        (f64::from(s.likeness) * fine).min(f64::from(s.residue) * noisy.powi(2) * noise) as f32
     });
     Likeness { guide, tolerance }
 }

@@ -21,7 +21,7 @@ pub fn run(local: &LocalFeatures, slots: &[LightSlot], mut colours: Rows, mut va
             .collect();
         for level in 0..levels(s, slot.kind) {
             let mean = compared(&colours, &variance);
-            (colours, variance) = a_level(local, slot, l, 1 << level, (&mean, &stops), &colours, &variance, s);
+            (colours, variance) = a_level(local, slot, l, 1 << level, (&mean, &stops), (&colours, &variance), s);
         }
     }
     colours
@@ -34,8 +34,7 @@ fn a_level(
     l: usize,
     step: isize,
     (mean, stops): (&[[f64; 2]], &[f64]),
-    colours: &Rows,
-    variance: &Rows,
+    (colours, variance): (&Rows, &Rows),
     s: &Wavelet,
 ) -> (Rows, Rows) {
     let (w, h) = (local.size.width, local.size.height);

@@ -1,13 +1,20 @@
 // Twin of reference.rs: stage 3 of the sequence filter, one level for one light.
 //
 // The pass supplies `features_at`, `light_at` (a colour, and the variance of the light's luminance) and `compared_at` (what
-// `compared_mean` made).
+// `compared_mean` made: a mean, its variance, and the luminance stop squared).
 
 // Differences of luminance, squared, that are beyond any stop, and finite over LEAST_VARIANCE.
 const MOST_DIFFERENCE: f32 = 1e24;
 
-// Mean luminance over 3x3 pixels of the same surface, and its variance.
-fn compared_mean(pixel: vec2i) -> vec2f {
+// The luminance stop squared, where the compared mean is `mean` with that variance: low where there is little noise.
+fn stop_by_noise(squared: f32, mean: f32, variance: f32) -> f32 {
+    let low = min(settings.low_tolerance, squared);
+    let scale = settings.low_noise * mean;
+    return low + (squared - low) * variance / (variance + scale * scale + LEAST_VARIANCE);
+}
+
+// Mean luminance over 3x3 pixels of the same surface, and its variance. The stop is that of the first level.
+fn compared_mean(pixel: vec2i) -> vec4f {
     let p = index_of(pixel);
     let here = features_at(p);
     var total = 0.0;
@@ -31,7 +38,14 @@ fn compared_mean(pixel: vec2i) -> vec2f {
             spread += g * g * colour.w;
         }
     }
-    return vec2f(mean / total, spread / (total * total));
+    mean /= total;
+    spread /= total * total;
+    var stop = compared_at(p).z;
+    if settings.step == 1 {
+        let squared = select(settings.tolerance, settings.mirror_tolerance, here.colour.w > 0.0);
+        stop = stop_by_noise(squared, mean, spread);
+    }
+    return vec4f(mean, spread, stop, 0.0);
 }
 
 // The colour after this level, and the variance of the light's luminance.
@@ -39,7 +53,6 @@ fn filtered_level(pixel: vec2i) -> vec4f {
     let p = index_of(pixel);
     let here = features_at(p);
     let mean = compared_at(p);
-    let squared = select(settings.tolerance, settings.mirror_tolerance, here.colour.w > 0.0);
     let contrast = settings.least_contrast * mean.x;
     var total = 0.0;
     var sum = vec4f(0.0);
@@ -54,9 +67,9 @@ fn filtered_level(pixel: vec2i) -> vec4f {
             if q != p {
                 let there = compared_at(q);
                 let d = mean.x - there.x;
-                let v = mean.y + there.y;
+                let v = mean.y + min(there.y, settings.variance_ratio * mean.y);
                 let beyond = clamp(d * d - v, 0.0, MOST_DIFFERENCE);
-                let stop = beyond / (squared * v + contrast * contrast + LEAST_VARIANCE);
+                let stop = beyond / (mean.z * v + contrast * contrast + LEAST_VARIANCE);
                 w *= weight(guide_distance(here, features_at(q), vec2f(offset), settings.stops) + stop);
             }
             let colour = light_at(q);

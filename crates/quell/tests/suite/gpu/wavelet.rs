@@ -51,7 +51,7 @@ impl Accelerator for OnDevice {
                 let guides = [Guide::Geometry, Guide::Normal, light.colour_of, Guide::SeenNormal].map(guide);
                 // NaN everywhere: what is not written shows.
                 let empty = |stride: usize| gpu.buffer("own", &vec![0xff; stride * size.pixels()], usage);
-                let compared = empty(8);
+                let compared = empty(16);
                 let colours = |plane| gpu.buffer("light", &job.colours(light.light, plane, rows.clone()), usage);
                 let planes: Vec<_> = (0..light.planes).map(|plane| [colours(plane), empty(16)]).collect();
                 let buffers = WaveletBuffers {
