@@ -199,7 +199,7 @@ fn noise(frames: &[(i64, FrameNoise)]) -> Vec<String> {
     let line = |(number, noise): &(i64, FrameNoise)| {
         let removed = 1.0 - (noise.left / noise.found.max(1e-12)).powi(2);
         format!(
-            "noise     frame {number}: {:.1} % of the picture's brightness found, {:.1} % left ({:.1} % of its power removed)",
+            "noise     frame {number}: {:.1} % of the brightness found, {:.1} % left ({:.0} % of its power removed)",
             100.0 * noise.found,
             100.0 * noise.left,
             100.0 * removed

@@ -1,6 +1,7 @@
 //! Passes to lights: which passes make the beauty, with which colour, and what is left over.
 
 use super::planes::{colour, gather, single};
+use super::reflectance::{ROUNDED_ONE, reflectance};
 use crate::error::Error;
 use crate::image::{ExrImage, Window};
 use crate::roles::{Mapped, Mapping, Role};
@@ -232,7 +233,12 @@ pub(super) fn surface_colour(
     images: &[ExrImage],
 ) -> Result<Option<Plane<Rgb>>, Error> {
     if let Some(pass) = mapping.get(Role::Albedo) {
-        return colour(images, pass, canvas).map(|albedo| Some(reflectance(albedo)));
+        let normal = mapping.get(Role::Normal).filter(|normal| normal.channels.len() >= 3);
+        let normal = normal.map(|normal| gather(images, &normal.channels, canvas, [0.0; 3])).transpose()?;
+        let depth = mapping.get(Role::Depth).and_then(|depth| depth.channels.first());
+        let depth = depth.map(|id| single(images, *id, canvas, 0.0)).transpose()?;
+        let albedo = colour(images, pass, canvas)?;
+        return Ok(Some(reflectance(albedo, normal.as_ref(), depth.as_ref())));
     }
     let lobes = [Role::MatteColour, Role::GlossyColour, Role::TransmissionColour, Role::SubsurfaceColour];
     let mut sum: Option<Plane<Rgb>> = None;
@@ -251,7 +257,7 @@ pub(super) fn surface_colour(
     }
     match (sum, mapping.get(Role::SeenAlbedo)) {
         (Some(sum), _) => Ok(Some(sum)),
-        (None, Some(pass)) => colour(images, pass, canvas).map(|albedo| Some(reflectance(albedo))),
+        (None, Some(pass)) => colour(images, pass, canvas).map(|albedo| Some(reflectance(albedo, None, None))),
         (None, None) => mapping.denoised().map(|pass| colour(images, pass, canvas)).transpose(),
     }
 }
@@ -262,8 +268,6 @@ pub(super) fn surface_colour(
 pub(super) const MOST_BEYOND: f32 = 0.04;
 /// Depths beyond are background, whatever a renderer writes there (Cycles: 1e10).
 const FARTHEST: f32 = 1e9;
-/// Filters of half-float files round a little above 1.
-const ROUNDED_ONE: f32 = 1.02;
 
 /// Share of the pixels in which a surface's albedo is above 1. What mirrors show may hold lamps and does not count, nor the
 /// sky: renderers write its radiance there, and it is divided out and multiplied back.
@@ -279,15 +283,6 @@ pub(super) fn beyond_reflectance(mapping: &Mapping, canvas: Window, images: &[Ex
     let above = |value: &Rgb| value.iter().any(|&c| c > ROUNDED_ONE);
     let beyond = albedo.data().iter().enumerate().filter(|(i, value)| above(value) && surface(*i)).count();
     Ok(beyond as f32 / albedo.data().len().max(1) as f32)
-}
-
-/// An albedo scaled to 1 at most: what lies above is noise (a sampled weight), or emission, and would come back as such.
-fn reflectance(mut albedo: Plane<Rgb>) -> Plane<Rgb> {
-    for value in albedo.data_mut() {
-        let most = value.iter().copied().fold(1.0, f32::max);
-        *value = value.map(|c| c / most);
-    }
-    albedo
 }
 
 /// Takes the weight out of the light. Where the colour is black, or no number, the weight becomes 1.

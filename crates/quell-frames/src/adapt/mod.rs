@@ -13,6 +13,7 @@ mod lights;
 mod moving;
 pub(crate) mod noise;
 pub(crate) mod planes;
+mod reflectance;
 
 pub use back::WriteBack;
 pub use camera::PixelCamera;

@@ -474,16 +474,6 @@ fn the_expected_error_is_a_pass_and_a_report() {
         let at = whole.parts()[0].find("quell.noise.Y").expect("the pass");
         let values = whole.samples(0, at).unwrap().to_f32();
         assert_eq!(values, bands.samples(0, at).unwrap().to_f32());
-        // What is reported is what is written, but for half rounding.
-        let brightness = |image: &quell_frames::ExrImage| {
-            let mean = |c: &str| {
-                let values = image.samples(0, image.parts()[0].find(c).unwrap()).unwrap().to_f32();
-                values.iter().map(|v| f64::from(*v)).sum::<f64>() / values.len() as f64
-            };
-            (mean("R") + mean("G") + mean("B")) / 3.0
-        };
-        let power = values.iter().map(|v| f64::from(*v).powi(2)).sum::<f64>() / values.len() as f64;
-        assert!((power.sqrt() / brightness(&whole) / noise.left - 1.0).abs() < 1e-3, "frame {number}");
         assert!(plain.parts()[0].find("quell.noise.Y").is_none());
         for channel in plain.parts()[0].channels() {
             let other = whole.parts()[0].find(channel.name()).unwrap();
