@@ -98,7 +98,7 @@ mod tests {
     #[test]
     fn noise_that_is_known_is_found_and_fireflies_do_not_decide() {
         let size = Size::new(100, 40);
-        let sign = |x: usize, y: usize| if (x * 7 + y * 13) % 2 == 0 { 1.0 } else { -1.0 };
+        let sign = |x: usize, y: usize| if (x * 7 + y * 13).is_multiple_of(2) { 1.0 } else { -1.0 };
         let after = Plane::filled(size, [2.0; 3]);
         let left = Plane::filled(size, 0.1);
         let mut before = Plane::from_fn(size, |x, y| [2.0 + 0.6 * sign(x, y); 3]);
