@@ -154,11 +154,11 @@ parameters! {
             higher "Moving reflections smear.", lower "They stay noisy.", source "ours";
         departure: f32 = 1.0, 0.0..=64.0, "pixels", "How far the reflection's motion may differ from the surface's for that.",
             higher "Moving reflections smear.", lower "They stay noisy.", source "ours";
-        likeness: f32 = 2.0, 0.0..=64.0, "of the variance", "How far smoothed pictures may differ, squared, in variances of both pictures.",
+        likeness: f32 = 0.5, 0.0..=64.0, "of the variance", "How far smoothed pictures may differ, squared, in variances of both pictures.",
             higher "Patterns and reflections smear.", lower "More flicker.", source "ours: docs/sequence.md";
-        residue: f32 = 0.5, 0.0..=1.0, "of the noise's variance", "Noise of the frame as it came that the filtered picture is believed to keep where noise is strong.",
+        residue: f32 = 1.0, 0.0..=1.0, "of the noise's variance", "Noise of the frame as it came that the filtered picture is believed to keep where noise is strong.",
             higher "Patterns and reflections smear.", lower "More flicker.", source "ours";
-        low_noise: f32 = 0.25, 0.0..=16.0, "of the picture", "Deviation of the noise of the frame as it came at which a quarter of `stabilise.residue` counts.",
+        low_noise: f32 = 0.0, 0.0..=16.0, "of the picture", "Deviation of the noise of the frame as it came at which a quarter of `stabilise.residue` counts.",
             higher "Less is averaged with many samples a pixel.", lower "More: patterns and reflections smear.", source "ours";
         nearer: f32 = 1.02, 1.0..=4.0, "times 1/depth", "How much nearer a neighbour in 3x3 must be to stand in front: more than the slope of one surface makes.",
             higher "Silhouettes move with what is behind.", lower "Slanted surfaces move with their nearest pixel.", source "ours";

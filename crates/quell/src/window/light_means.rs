@@ -2,9 +2,9 @@
 //! the same light there.
 //!
 //! Mean luminance over 5x5 pixels of the same surface, and the deviation of that mean if the pixels differ by noise alone. Both
-//! are kept in half precision; a mean beyond it is its largest number. What a surface or the sky emits has noise only behind a
-//! medium, where a ray gets there by chance: where no medium is lit in 5x5 pixels its deviation is [`FREE`]. It is made for the whole frame, so that a band of
-//! rows finds the same.
+//! are kept in half precision, scaled where a frame holds colours beyond it. What a surface or the sky emits has noise only behind a
+//! medium, where a ray gets there by chance: where no medium is lit in 5x5 pixels its deviation is [`FREE`].
+//! All is made for the whole frame, so that a band of rows finds the same.
 
 use super::features::Features;
 use super::local::Class;
@@ -18,6 +18,10 @@ use half::f16;
 
 /// Pixels around a pixel, each way.
 const RADIUS: isize = 2;
+/// Luminances beyond it count as it: squares stay finite.
+const MOST: f32 = 1e15;
+/// Means and deviations are no larger than the largest sample, and half precision holds twice this.
+const LARGEST: f32 = 32768.0;
 /// Stands for a deviation where a light has no noise at all.
 const FREE: f32 = -1.0;
 
@@ -38,6 +42,8 @@ pub(crate) struct LightMeans {
     pub lights: usize,
     /// Of each light of the frame its place below.
     pub places: Vec<Option<usize>>,
+    /// What the numbers below are multiplied by: a power of two, 1 where half precision holds every colour.
+    pub scale: f32,
     /// Mean and its deviation, light by light, pixel by pixel.
     pub data: Vec<[f16; 2]>,
 }
@@ -65,6 +71,11 @@ impl LightMeans {
                 }
             }
         }
+        let brightest = samples.beyond.iter().flat_map(|(_, c)| c).fold(0.0f32, |most, v| most.max(v.abs()));
+        let mut scale = 1.0f32;
+        while brightest.min(MOST) / scale > LARGEST {
+            scale *= 2.0;
+        }
         let (w, h, n) = (f.size.width, f.size.height, lights.len());
         let mut data = vec![[f16::ZERO; 2]; f.size.pixels() * n];
         if n > 0 {
@@ -80,7 +91,7 @@ impl LightMeans {
                             medium |= media.iter().any(|first| samples.at(*first, q) != [0.0; 3]);
                             for (sum, light) in sums.iter_mut().zip(&lights) {
                                 if same || !light.bounded {
-                                    let v = luminance(samples.at(light.first, q));
+                                    let v = luminance(samples.at(light.first, q)).clamp(-MOST, MOST);
                                     *sum = [sum[0] + v, sum[1] + v * v, sum[2] + 1.0];
                                 }
                             }
@@ -88,20 +99,19 @@ impl LightMeans {
                     }
                     for ((out, sum), light) in out[x * n..][..n].iter_mut().zip(&sums).zip(&lights) {
                         let [mean, deviation] = mean_and_deviation(*sum);
-                        let deviation = if light.behind && !medium { FREE } else { deviation };
-                        let most = f16::MAX.to_f32_const();
-                        *out = [mean, deviation].map(|v| f16::from_f32(v.clamp(-most, most)));
+                        let deviation = if light.behind && !medium { FREE } else { deviation / scale };
+                        *out = [mean / scale, deviation].map(f16::from_f32);
                     }
                 }
             });
         }
-        Self { lights: n, places, data }
+        Self { lights: n, places, scale, data }
     }
 
     /// Mean and its deviation, which is below 0 where the light has no noise.
     #[inline(always)]
     pub(crate) fn at(&self, place: usize, pixel: usize) -> [f32; 2] {
-        self.data[pixel * self.lights + place].map(f16::to_f32)
+        self.data[pixel * self.lights + place].map(|v| v.to_f32() * self.scale)
     }
 }
 

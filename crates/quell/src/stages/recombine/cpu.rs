@@ -59,7 +59,7 @@ pub(crate) fn rescale(
 ) -> Vec<Vec<Plane<Rgb>>> {
     let (size, width) = (frame.features.size, frame.features.size.width);
     let share = |x: usize, y: usize| shares.map_or([0.0, 0.0, 1.0], |shares| shares.at(x, y));
-    let ratio = par::plane(size, |x, y| factors(before.at(x, y), after.at(x, y), share(x, y)).1);
+    let gain = par::plane(size, |x, y| factors(before.at(x, y), after.at(x, y), share(x, y)).1);
     let filtered = |slot: &LightSlot| {
         let mirror = mirror_colour(&frame.features, slot);
         let plane = |k: usize| {
@@ -67,9 +67,9 @@ pub(crate) fn rescale(
                 let p = y * width + x;
                 let mirror = mirror.map_or([1.0; 3], |m| m.at(0, p));
                 let (filtered, own) = (colours.colour(x, y, 3 * (slot.first + k)), share(x, y)[0]);
-                let raw = if own > 0.0 { raw(frame, slot, k, p).unwrap_or(filtered) } else { [0.0; 3] };
-                let ratio = ratio.at(x, y);
-                [0, 1, 2].map(|c| (own * raw[c] + ratio[c] * filtered[c]) * mirror[c])
+                let raw = if own > 0.0 { raw(frame, slot, k, p).unwrap_or(filtered) } else { filtered };
+                let gain = gain.at(x, y);
+                [0, 1, 2].map(|c| (filtered[c] + own * (raw[c] - filtered[c]) + gain[c] * filtered[c]) * mirror[c])
             })
         };
         (0..slot.planes).map(plane).collect()

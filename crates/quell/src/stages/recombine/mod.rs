@@ -6,7 +6,7 @@
 //! | reads | light as it came and filtered, the colours that multiply it, the picture before and after `stabilise`, the shares of `blend` |
 //! | writes | the picture, the input; the passes |
 //! | reach | none |
-//! | equation | picture = sum light * weight * mirror colour; pass' = mirror colour * (s_0 raw + (s_1 + s_2 after / before) filtered), channel by channel, s: the shares |
+//! | equation | picture = sum light * weight * mirror colour; pass' = mirror colour * (filtered + s_0 (raw - filtered) + s_2 (after / before - 1) filtered), channel by channel, s: the shares, whose sum is 1 |
 //! | source | \[S] of the paper, "multiplied back"; the scale ours: `docs/sequence.md` |
 //!
 //! One factor a pixel and channel for all passes: they add up to the blended picture as they did before. Where the picture was
@@ -49,9 +49,9 @@ pub(crate) fn raw(frame: &PreparedFrame, slot: &LightSlot, k: usize, pixel: usiz
     }
 }
 
-/// What a light's colours before and after the filter are multiplied by: the share of the input, and the share of the rest
-/// times the scale of the stabilised picture.
+/// What is added to a light's filtered colour: of its difference from the input the input's share, and of itself what the
+/// stabilised picture's scale changes. Where nothing differs the colour stays to the bit.
 #[inline(always)]
 pub(crate) fn factors(before: Rgb, after: Rgb, shares: [f32; 3]) -> (f32, Rgb) {
-    (shares[0], factor(before, after).map(|factor| shares[1] + shares[2] * factor))
+    (shares[0], factor(before, after).map(|factor| shares[2] * (factor - 1.0)))
 }

@@ -58,8 +58,9 @@ pub fn rescale(
                 let unfiltered = raw(frame, slot, k, p).unwrap_or(filtered);
                 let mirror = mirror_colour(&frame.features, slot).map_or([1.0; 3], |colour| colour.at(0, p));
                 let shares = shares.map_or([0.0, 0.0, 1.0], |shares| shares.data()[p]);
-                let (own, rest) = factors(before.data()[p], after.data()[p], shares);
-                *value = [0, 1, 2].map(|c| (own * unfiltered[c] + rest[c] * filtered[c]) * mirror[c]);
+                let (own, gain) = factors(before.data()[p], after.data()[p], shares);
+                *value = [0, 1, 2]
+                    .map(|c| (filtered[c] + own * (unfiltered[c] - filtered[c]) + gain[c] * filtered[c]) * mirror[c]);
             }
         }
     }
