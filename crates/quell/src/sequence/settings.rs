@@ -117,7 +117,7 @@ parameters! {
             higher "Shadows seen in mirrors fade.", lower "Noisier mirrors.", source "ours";
         low: f32 = 0.25, 0.0..=64.0, "standard deviations", "The luminance stop of all light where little noise is left.",
             higher "Smoother with many samples a pixel.", lower "Detail stays with many samples a pixel.", source "ours: docs/sequence.md";
-        low_noise: f32 = 0.1, 0.0..=16.0, "of the luminance", "Deviation of a compared mean at which the stop lies half between (in squares).",
+        low_noise: f32 = 0.07, 0.0..=16.0, "of the luminance", "Deviation of a compared mean at which the stop lies half between (in squares).",
             higher "`wavelet.low` counts sooner.", lower "Later; 0: never.", source "ours";
         variance_ratio: f32 = 4.0, 0.0..=1e6, "times a pixel's own", "The most that a neighbour's variance counts in the luminance stop.",
             higher "Light with noise leaks into light without.", lower "Fireflies stay.", source "ours";
