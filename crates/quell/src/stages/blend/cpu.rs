@@ -1,8 +1,8 @@
 //! Shares of the candidates, row by row: windows are sums over columns of sums over rows.
 
 use super::{
-    Blend, BlendFrame, FRAMES, LEAST_BRIGHTNESS, MOST_CHANGE, NEAR, NOISE_NEAR, NOISE_WIDE, Pooled, WIDE, drawn_back,
-    follow, shares, silhouette,
+    Blend, BlendFrame, DIRECTIONS, FRAMES, LEAST_BRIGHTNESS, MOST_CHANGE, NEAR, NOISE_NEAR, NOISE_WIDE, Pooled,
+    SECOND_DIFFERENCE, WIDE, drawn_back, follow, shares, silhouette,
 };
 use crate::frame::Rgb;
 use crate::par;
@@ -167,8 +167,9 @@ fn over_time(
 }
 
 /// Squared, relative to the brightness: noise over space; input to wavelet, input to stabilised, wavelet to stabilised; detail
-/// of the stabilised picture and of the wavelet's; changes of the input over space.
-const SQUARES: usize = 7;
+/// of the stabilised picture and of the wavelet's; changes of the input over space; second
+/// differences along four directions, of the input and of input less wavelet.
+const SQUARES: usize = 15;
 /// What is left of white noise's variance less its mean over 3x3, binomial.
 const HIGH_PASS: f32 = 41.0 / 64.0;
 
@@ -197,6 +198,16 @@ fn squares(here: &BlendFrame<'_>, steady: &Plane<Rgb>, inverse: &Plane<f32>, dif
                 sums[5] += high(&|x, y| here.picture.at(x, y)[c]) * scale * scale;
                 sums[6] += high(&|x, y| here.input.at(x, y)[c]) * scale * scale / HIGH_PASS;
             }
+            let place = |v: usize, d: isize, limit: usize| (v as isize + d).clamp(0, limit as isize - 1) as usize;
+            let around = |dx: isize, dy: isize| (place(x, dx, w), place(y, dy, h));
+            for (k, [dx, dy]) in DIRECTIONS.into_iter().enumerate() {
+                let places = [around(-dx, -dy), (x, y), around(dx, dy)];
+                let [a, b, c] = places.map(|(x, y)| here.input.at(x, y));
+                let [p, q, r] = places.map(|(x, y)| [0, 1, 2].map(|c| differences.at(x, y, c)));
+                let squared = |d: f32| d * d / SECOND_DIFFERENCE;
+                sums[7 + k] = (0..3).map(|i| squared((a[i] - 2.0 * b[i] + c[i]) * scale)).sum();
+                sums[11 + k] = (0..3).map(|i| squared(p[i] - 2.0 * q[i] + r[i])).sum();
+            }
             for (k, sum) in sums.into_iter().enumerate() {
                 out[k * w + x] = sum;
             }
@@ -216,6 +227,8 @@ struct Statistics {
     /// Squared differences and details, near; differences, wide.
     near: Rows,
     wide: Rows,
+    /// Second differences along four directions.
+    along: Rows,
 }
 
 impl Statistics {
@@ -229,6 +242,7 @@ impl Statistics {
             space: [NOISE_NEAR, NOISE_WIDE].map(|r| pool(&space, r)),
             near: pool(&part(squares, &[1, 2, 3, 4, 5]), NEAR),
             wide: pool(&apart, WIDE),
+            along: pool(&part(squares, &[7, 8, 9, 10, 11, 12, 13, 14]), NOISE_NEAR),
         }
     }
 
@@ -241,6 +255,7 @@ impl Statistics {
             seen: [0, 1].map(|k| self.time[k].at(x, y, 1)),
             over_space: [0, 1].map(|k| self.space[k].at(x, y, 0)),
             input: [0, 1].map(|k| self.space[k].at(x, y, 1)),
+            along: (0..8).map(|k| self.along.at(x, y, k)).fold(f32::MAX, f32::min),
             apart: [near[0], near[1], near[2], wide[0], wide[1], wide[2]],
             detail: [self.near.at(x, y, 3), self.near.at(x, y, 4)],
             mean: [mean(0), mean(1), mean(2)],
@@ -285,7 +300,7 @@ fn draw_back(shares: &mut Plane<[f32; 3]>, differences: &Rows, stats: &Statistic
     let difference = pool(&squared, NOISE_NEAR);
     par::rows(shares.data_mut(), w, |y, row| {
         for (x, share) in row.iter_mut().enumerate() {
-            let noise = stats.at(x, y, 1.0, (false, false, false)).noise(0);
+            let noise = stats.at(x, y, 1.0, (false, false, false)).least_noise();
             let kept = drawn_back(difference.at(x, y, 0), noise, guard);
             let [_, wavelet, steady] = share.map(|v| v * kept);
             *share = [1.0 - (wavelet + steady), wavelet, steady];

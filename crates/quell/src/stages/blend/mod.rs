@@ -18,7 +18,8 @@
 //!
 //! The shares steer pictures and passes alike, so that passes add up. With any weights of the net the output tends to the
 //! input as its noise falls: where the mixture lies further from the input than `blend.guard` times the noise explains, it is
-//! drawn back to it.
+//! drawn back to it. The noise for that is the least of all that is known, that along edges and stripes of the input included: what
+//! changes across them and moves is not taken for noise.
 
 #[cfg(feature = "cpu")]
 pub(crate) mod cpu;
@@ -150,6 +151,8 @@ pub(crate) struct Pooled {
     pub over_space: [f32; 2],
     /// Detail and noise of the input together, near and wide: no noise is larger.
     pub input: [f32; 2],
+    /// Second differences of the input along the direction in which it changes least: edges and stripes are no noise.
+    pub along: f32,
     /// Input to wavelet, input to stabilised, wavelet to stabilised; near, then wide.
     pub apart: [f32; 6],
     /// Detail of the stabilised picture and of the wavelet's.
@@ -168,6 +171,12 @@ impl Pooled {
     pub(crate) fn noise(&self, wide: usize) -> f32 {
         let (time, space) = (self.over_time[wide], self.over_space[wide].min(self.input[wide]));
         (if self.seen[wide] > LEAST_SEEN { (time / self.seen[wide]).min(space) } else { space }).max(LEAST)
+    }
+
+    /// The least that the noise near the pixel may be: what the result may lie from the input is counted in it.
+    #[inline(always)]
+    pub(crate) fn least_noise(&self) -> f32 {
+        self.noise(0).min(self.along).max(LEAST)
     }
 
     /// What the net reads.
@@ -234,11 +243,17 @@ fn by_thresholds(pooled: &Pooled, s: &Settings) -> ([f32; 3], f32) {
     ([1.0 - (wavelet + steady), wavelet, steady], 1.0 - 0.9 * first)
 }
 
-/// What draws a mixture back to the input that lies further from it than the noise explains: the factor of its difference.
+/// What draws a mixture back to the input that lies further from it than the noise explains: the factor of its difference, 1 up to
+/// `guard` times the noise, 0 from twice that.
 #[inline(always)]
 pub(crate) fn drawn_back(difference: f32, noise: f32, guard: f32) -> f32 {
-    if difference > guard * noise { (guard * noise / difference).sqrt() } else { 1.0 }
+    (2.0 - difference / (guard * noise)).clamp(0.0, 1.0)
 }
+
+/// Steps to the neighbours of the second differences, and of their mirror images.
+pub(crate) const DIRECTIONS: [[isize; 2]; 4] = [[1, 0], [0, 1], [1, 1], [1, -1]];
+/// Variance of the second difference a - 2 b + c of independent values of variance 1.
+pub(crate) const SECOND_DIFFERENCE: f32 = 6.0;
 
 /// True where something stands in front within 3x3.
 pub(crate) fn silhouette(features: &Features, x: usize, y: usize, nearer: f32) -> bool {

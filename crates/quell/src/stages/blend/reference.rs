@@ -1,8 +1,8 @@
 //! The specification of `blend`.
 
 use super::{
-    Blend, BlendFrame, FRAMES, LEAST_BRIGHTNESS, MOST_CHANGE, NEAR, NOISE_NEAR, NOISE_WIDE, Pooled, WIDE, drawn_back,
-    follow, shares, silhouette,
+    Blend, BlendFrame, DIRECTIONS, FRAMES, LEAST_BRIGHTNESS, MOST_CHANGE, NEAR, NOISE_NEAR, NOISE_WIDE, Pooled,
+    SECOND_DIFFERENCE, WIDE, drawn_back, follow, shares, silhouette,
 };
 use crate::frame::Rgb;
 use crate::plane::Plane;
@@ -42,12 +42,33 @@ pub fn run(
         let detail = |picture: &Plane<Rgb>, x: usize, y: usize| {
             high(x, y, &|x, y| picture.at(x, y).map(f64::from)) / brightness.at(x, y).powi(2)
         };
+        let second = |plane: &dyn Fn(usize, usize) -> [f64; 3], [dx, dy]: [isize; 2]| {
+            pool(NOISE_NEAR, &|x, y| {
+                let place = |v: usize, d: isize, limit: usize| (v as isize + d).clamp(0, limit as isize - 1) as usize;
+                let at = |d: isize| plane(place(x, d * dx, w), place(y, d * dy, h));
+                let (a, b, c) = (at(-1), at(0), at(1));
+                squared([0, 1, 2].map(|k| (a[k] - 2.0 * b[k] + c[k]))) / f64::from(SECOND_DIFFERENCE)
+            })
+        };
+        // Relative to the brightness of the middle pixel.
+        let input_second = |[dx, dy]: [isize; 2]| {
+            pool(NOISE_NEAR, &|x, y| {
+                let place = |v: usize, d: isize, limit: usize| (v as isize + d).clamp(0, limit as isize - 1) as usize;
+                let at = |d: isize| here.input.at(place(x, d * dx, w), place(y, d * dy, h)).map(f64::from);
+                let (a, b, c) = (at(-1), at(0), at(1));
+                squared([0, 1, 2].map(|k| (a[k] - 2.0 * b[k] + c[k]) / brightness.at(x, y)))
+                    / f64::from(SECOND_DIFFERENCE)
+            })
+        };
         let p = y * w + x;
         Pooled {
             over_time: [NOISE_NEAR, NOISE_WIDE].map(|r| pool(r, &|x, y| time.at(x, y).change)),
             seen: [NOISE_NEAR, NOISE_WIDE].map(|r| pool(r, &|x, y| time.at(x, y).seen)),
             over_space: [NOISE_NEAR, NOISE_WIDE].map(|r| pool(r, &space)),
             input: [NOISE_NEAR, NOISE_WIDE].map(|r| pool(r, &|x, y| detail(here.input, x, y) / (41.0 / 64.0))),
+            along: (DIRECTIONS.into_iter())
+                .flat_map(|d| [second(&|x, y| wavelet.at(x, y), d), input_second(d)])
+                .fold(f32::MAX, f32::min),
             apart: [
                 pool(NEAR, &|x, y| squared(wavelet.at(x, y))),
                 pool(NEAR, &|x, y| squared(stabilised.at(x, y))),
@@ -75,7 +96,7 @@ pub fn run(
     };
     let shares = Plane::from_fn(size, |x, y| {
         let difference = mean(w, h, (x, y), NOISE_NEAR, moved) as f32;
-        let kept = drawn_back(difference, pooled.at(x, y).noise(0), s.guard);
+        let kept = drawn_back(difference, pooled.at(x, y).least_noise(), s.guard);
         let [_, wavelet, steady] = wanted.at(x, y).0.map(|v| v * kept);
         [1.0 - (wavelet + steady), wavelet, steady]
     });
