@@ -20,14 +20,14 @@ WIDTH, HEIGHT, LEFT, TOP, RIGHT, BOTTOM = 230, 190, 44, 26, 10, 30
 
 
 def curves(paths, figure):
-    """{scene: {label: {samples: error}}}"""
+    """{scene: {label: {samples: error}}} of the scenes with more than one count."""
     found = {}
     for path in paths:
         for entry in json.load(open(path)):
             for label, figures in entry["filters"].items():
                 if figures[figure]:
                     found.setdefault(entry["scene"], {}).setdefault(label, {})[entry["spp"]] = figures[figure]
-    return found
+    return {scene: lines for scene, lines in found.items() if len({n for line in lines.values() for n in line}) > 1}
 
 
 def ticks(low, high):
