@@ -47,7 +47,7 @@ pub fn run(
                 let place = |v: usize, d: isize, limit: usize| (v as isize + d).clamp(0, limit as isize - 1) as usize;
                 let at = |d: isize| plane(place(x, d * dx, w), place(y, d * dy, h));
                 let (a, b, c) = (at(-1), at(0), at(1));
-                squared([0, 1, 2].map(|k| (a[k] - 2.0 * b[k] + c[k]))) / f64::from(SECOND_DIFFERENCE)
+                squared([0, 1, 2].map(|k| a[k] - 2.0 * b[k] + c[k])) / f64::from(SECOND_DIFFERENCE)
             })
         };
         // Relative to the brightness of the middle pixel.
