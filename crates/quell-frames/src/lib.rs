@@ -1,9 +1,10 @@
 //! Frames of quell as EXR files: found, read, mapped to roles, written.
 //!
 //! ```text
+//! arrays.rs    frames in memory as images, so that they take the way of files
 //! files.rs     where a sequence's frames lie, and files that are never half written
 //! doctor/      what is wrong with a sequence, and how to fix it
-//! driver/      a sequence filtered from files to files: plan, three things at once, what may be replaced
+//! driver/      a sequence filtered, from files to files or frame by frame in memory
 //! image/       any flat EXR file: windows, parts, channels, attributes; read, and written back
 //! exr_file.rs  channels and attributes of an EXR file; knows no role
 //! sequence/    files, folders and patterns to frames with their files
@@ -69,6 +70,7 @@
 //! ```
 
 pub mod adapt;
+pub mod arrays;
 pub mod channels;
 pub mod doctor;
 pub mod driver;

@@ -89,7 +89,7 @@ fn options(mut settings: SequenceSettings, args: DenoiseArgs) -> Result<JobOptio
         frames: args.frames.as_ref().map(numbers),
         shot: args.shot.as_ref().map(numbers),
         cuts: args.cuts.map(|cuts| cuts.0),
-        map: MapOptions { layer: args.view_layer, view: args.view, map: args.map, aliases },
+        map: MapOptions { layer: args.view_layer, view: args.view, map: args.map, aliases, renderer: None },
         adapt: AdaptOptions {
             motion: match args.motion.as_deref() {
                 None => MotionChoice::Renderer,

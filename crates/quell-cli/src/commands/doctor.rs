@@ -52,7 +52,7 @@ fn options(args: DoctorArgs) -> DoctorOptions {
     DoctorOptions {
         inputs: args.inputs,
         frames: args.frames.map(|frames| frames.numbers().to_vec()),
-        map: MapOptions { layer: args.view_layer, view: args.view, map: args.map, aliases },
+        map: MapOptions { layer: args.view_layer, view: args.view, map: args.map, aliases, renderer: None },
         motion: match args.motion.as_deref() {
             None => MotionChoice::Renderer,
             Some("auto") => MotionChoice::Auto,
@@ -174,7 +174,7 @@ fn paragraph(out: &mut String, word: &str, sentence: &str) {
 }
 
 /// Fields beside those that every report has.
-fn further(found: &Diagnosis, html: Option<&Path>) -> Map<String, Value> {
+pub fn further(found: &Diagnosis, html: Option<&Path>) -> Map<String, Value> {
     let findings: Vec<Value> = (found.findings.iter())
         .map(|f| {
             let figures: Vec<Value> =

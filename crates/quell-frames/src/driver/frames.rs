@@ -1,14 +1,14 @@
 //! Frames on their way from files through the filter to files: what each step keeps of them.
 
-use super::cuts::CutGuides;
 use super::job::{Job, layout, outputs, settings_text};
+use super::layers::{self, Before, Taken};
 use super::output::{Existing, JOB_ATTRIBUTE};
 use super::pipeline::{Files, Window};
-use crate::adapt::{FrameNoise, Links, NOISE_PASS};
+use crate::adapt::{FrameNoise, NOISE_PASS};
 use crate::error::Error;
 use crate::image::{ExrImage, ImageWriteOptions, read_channels};
-use quell::Plane;
-use quell::sequence::{Filtered, Light, PreparedFrame, SequenceDenoiser, SequenceFrame};
+use quell::Backend;
+use quell::sequence::{Accelerator, Filtered, PreparedFrame, SequenceDenoiser, SequenceFrame, SequenceSettings};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex};
@@ -20,14 +20,6 @@ pub(super) struct Disk<'j> {
     before: Mutex<Vec<Before>>,
     /// Of the frames that were written.
     noise: Mutex<BTreeMap<i64, FrameNoise>>,
-}
-
-/// What a frame needs to know of its predecessor.
-#[derive(Default)]
-struct Before {
-    links: Links,
-    /// Its number and what it shows.
-    guides: Option<(i64, CutGuides)>,
 }
 
 /// A frame as read.
@@ -80,27 +72,10 @@ impl Files for Disk<'_> {
             let reason = "its parts or channels are not those of the first frame; filter it as a job of its own";
             return Err(Error::invalid(path(), reason));
         }
-        let mut notes = Vec::new();
-        let mut frames = Vec::with_capacity(job.adapters.len());
-        let mut cut = false;
         let mut before = self.before.lock().map_err(|_| Error::invalid(path(), "reading failed before"))?;
-        for (adapter, before) in job.adapters.iter().zip(before.iter_mut()) {
-            if images.iter().any(|image| image.full_window().union(adapter.canvas()) != adapter.canvas()) {
-                let reason = format!("it has pixels outside of {}, which holds the other frames", adapter.canvas());
-                return Err(Error::invalid(path(), reason));
-            }
-            let last = before.guides.take();
-            let adapted = adapter.frame(number, &images, &mut before.links)?;
-            notes.extend(adapted.notes);
-            if job.options.cuts.is_none() {
-                let last = last.filter(|(last, _)| last.checked_add(1) == Some(number));
-                cut |= last.is_some_and(|(_, guides)| guides.cut_before(&adapted.frame));
-                before.guides = Some((number, CutGuides::of(&adapted.frame)));
-            }
-            let described = without_light(&adapted.frame);
-            let prepared = PreparedFrame::new(adapted.frame, &job.options.settings);
-            frames.push((prepared.map_err(|source| Error::Frame { path: path().to_owned(), source })?, described));
-        }
+        let find_cuts = job.options.cuts.is_none();
+        let Taken { frames, cut, notes } =
+            layers::take(&job.adapters, &mut before, &job.options.settings, find_cuts, number, &images)?;
         if wanted {
             // Frames wait long to be written: what is not replaced is read again then.
             images.iter_mut().for_each(ExrImage::forget);
@@ -114,38 +89,13 @@ impl Files for Disk<'_> {
         let job = self.job;
         let sources = job.sources(number)?;
         let mut images = done.images;
-        let mut notes = Vec::new();
-        let mut repaired = 0;
-        let mut errors = Vec::new();
-        for (adapter, (mut frame, filtered)) in job.adapters.iter().zip(done.filtered) {
-            let mut lights = Vec::with_capacity(filtered.lights.len());
-            for (light, filtered) in frame.lights.iter_mut().zip(filtered.lights) {
-                light.weight = filtered.weight;
-                lights.extend(filtered.planes.into_iter().next());
-            }
-            let before = match &filtered.noise {
-                Some(_) if job.options.measure_noise => adapter.picture(&mut images)?,
-                _ => None,
-            };
-            adapter.write_back(&mut images, &frame, &lights, filtered.alpha.as_ref())?;
-            if let (Some(before), Some(left)) = (before, &filtered.noise)
-                && let Some(after) = adapter.picture(&mut images)?
-                && let Some(measured) = FrameNoise::of(&before, &after, left)
-                && let Ok(mut noise) = self.noise.lock()
-            {
-                // Of several layers the first is reported.
-                noise.entry(number).or_insert(measured);
-            }
-            errors.push((adapter, filtered.noise));
-            repaired += filtered.repaired;
-        }
-        if repaired > 0 {
-            notes.push(format!(
-                "frame {number}: {repaired} pixels held colours that are no numbers, and count as black"
-            ));
+        let put = layers::put(&job.adapters, job.options.measure_noise, number, &mut images, done.filtered)?;
+        let mut notes = put.notes;
+        if let (Some(measured), Ok(mut noise)) = (put.measured, self.noise.lock()) {
+            noise.entry(number).or_insert(measured);
         }
         // Places of channels change with those that are added: after all else.
-        for (adapter, noise) in errors.into_iter().filter(|_| job.options.adapt.noise_pass) {
+        for (adapter, noise) in job.adapters.iter().zip(put.errors).filter(|_| job.options.adapt.noise_pass) {
             match noise {
                 Some(noise) => adapter.write_noise(&mut images, &noise)?,
                 None => notes.push(format!(
@@ -167,22 +117,6 @@ impl Files for Disk<'_> {
     }
 }
 
-/// What writing back needs of a frame: lights without their light and weight. The filter has them.
-fn without_light(frame: &SequenceFrame) -> SequenceFrame {
-    let mut kept = SequenceFrame::new(frame.number, frame.size);
-    kept.lights = (frame.lights.iter())
-        .map(|light| Light {
-            name: light.name.clone(),
-            kind: light.kind,
-            light: Plane::filled(quell::Size::new(1, 1), [0.0; 3]),
-            weight: None,
-            in_beauty: light.in_beauty,
-            joint: Vec::new(),
-        })
-        .collect();
-    kept
-}
-
 /// A filter for each layer and view, which go through the frames side by side.
 pub(super) struct Denoisers {
     each: Vec<SequenceDenoiser>,
@@ -199,15 +133,24 @@ struct Inside {
 impl Denoisers {
     pub(super) fn new(job: &Job) -> Result<Self, Error> {
         let path: PathBuf = job.options.inputs.first().cloned().unwrap_or_default();
-        let new = |_| {
-            let settings = job.options.settings.clone();
-            match &job.options.accelerator {
-                None => SequenceDenoiser::with_backend(settings, job.options.backend),
-                Some(accelerator) => SequenceDenoiser::with_accelerator(settings, Arc::clone(accelerator)),
-            }
+        let options = &job.options;
+        Self::of(job.adapters.len(), &path, &options.settings, options.backend, options.accelerator.as_ref())
+    }
+
+    /// So many filters; `path` stands in messages.
+    pub(super) fn of(
+        count: usize,
+        path: &Path,
+        settings: &SequenceSettings,
+        backend: Backend,
+        accelerator: Option<&Arc<dyn Accelerator>>,
+    ) -> Result<Self, Error> {
+        let new = |_| match accelerator {
+            None => SequenceDenoiser::with_backend(settings.clone(), backend),
+            Some(accelerator) => SequenceDenoiser::with_accelerator(settings.clone(), Arc::clone(accelerator)),
         };
-        let each = job.adapters.iter().map(new).collect::<Result<Vec<_>, _>>();
-        let each = each.map_err(|source| Error::Frame { path, source })?;
+        let each = (0..count).map(new).collect::<Result<Vec<_>, _>>();
+        let each = each.map_err(|source| Error::Frame { path: path.to_owned(), source })?;
         Ok(Self { each, inside: BTreeMap::new() })
     }
 }

@@ -1,10 +1,12 @@
 //! Any flat EXR file as data: windows, parts, channels, attributes. Knows the file format, and no role of any channel.
 //!
 //! [`read_headers`] reads what a file holds, [`read_image`] its samples as well, [`read_channels`] some of them.
-//! [`ExrImage::write`] writes an image back: what was not replaced comes out as it went in.
+//! [`ExrImage::write`] writes an image back: what was not replaced comes out as it went in. [`ExrImage::from_channels`] makes one
+//! without a file.
 
 mod add;
 mod check;
+mod made;
 mod order;
 mod read;
 mod write;

@@ -45,6 +45,8 @@ impl MotionConvention {
     pub fn preset(name: &str) -> Option<[Self; 2]> {
         use Direction::{Next, Previous};
         Some(match name {
+            // The contract of `quell::frame`: where the surface was, relative to the pixel, y down.
+            "pixels" => [Self::pixels(Previous, [1, 1]), Self::pixels(Next, [1, 1])],
             // (x + X, y - Y) in the frame before, (x - Z, y + W) in the next.
             "blender" | "quell" => [Self::pixels(Previous, [1, -1]), Self::pixels(Next, [-1, 1])],
             "arnold" => [Self::pixels(Next, [1, -1]), Self::pixels(Previous, [1, -1])],
@@ -59,7 +61,7 @@ impl MotionConvention {
     }
 
     /// Names of the presets.
-    pub const PRESETS: [&'static str; 5] = ["blender", "arnold", "renderman", "nuke", "uv"];
+    pub const PRESETS: [&'static str; 6] = ["blender", "arnold", "renderman", "nuke", "uv", "pixels"];
 
     /// All 48: 4 pairs of signs, previous or next, 2 orders of axes, 3 units.
     pub fn all() -> Vec<Self> {

@@ -223,6 +223,12 @@ impl Aliases {
         best
     }
 
+    /// True where some renderer has motion under that name.
+    pub(crate) fn is_motion(&self, pass: &str) -> bool {
+        let path: Vec<String> = pass.split('.').map(str::to_owned).collect();
+        self.renderers.iter().any(|r| self.find(&r.name, &path).is_some_and(|found| found.role == Role::Motion))
+    }
+
     /// True where some renderer has a pass of that name.
     pub(crate) fn knows(&self, pass: &str) -> bool {
         let path: Vec<String> = pass.split('.').map(str::to_owned).collect();

@@ -45,6 +45,8 @@ pub struct MapOptions {
     pub map: Vec<String>,
     /// A table asked before the crate's own.
     pub aliases: Option<std::path::PathBuf>,
+    /// Whose names and conventions the passes have; absent: found out.
+    pub renderer: Option<String>,
 }
 
 /// What the passes of one view layer and one stereo view are.
@@ -113,7 +115,7 @@ impl Mapping {
 /// `files` are the files of one frame with the pass name that each file's name holds (empty: none); headers are enough.
 ///
 /// # Errors
-/// [`Error::Invalid`] where two passes claim one role (both are named), where a role, layer, view or channel of
+/// [`Error::Invalid`] where two passes claim one role (both are named), where a role, layer, view, renderer or channel of
 /// `options` is unknown (the known ones are listed), or where there is neither a beauty nor a complete set of lights.
 pub fn map_roles(files: &[(String, &ExrImage)], options: &MapOptions) -> Result<Vec<Mapping>, Error> {
     let aliases = match &options.aliases {
@@ -134,7 +136,14 @@ pub fn map_roles(files: &[(String, &ExrImage)], options: &MapOptions) -> Result<
     // Of files per pass the file's name decides.
     let name = |p: &Pass| if p.path.is_empty() { p.outer.clone() } else { p.path.clone() };
     let paths: Vec<Vec<String>> = passes.iter().map(name).collect();
-    let (renderer, renderer_why) = aliases.detect(&texts, &paths);
+    let (renderer, renderer_why) = match &options.renderer {
+        Some(name) => (name.as_str(), "asked for".to_owned()),
+        None => aliases.detect(&texts, &paths),
+    };
+    let known: Vec<String> = aliases.renderers().iter().map(|renderer| renderer.name.clone()).collect();
+    if !known.iter().any(|name| name == renderer) {
+        return Err(unknown(&path, "renderer", renderer, &known));
+    }
     let renderer = aliases.renderer(renderer).cloned();
     let Some(renderer) = renderer else { return Err(Error::invalid(&path, "the alias table has no renderer `any`")) };
 

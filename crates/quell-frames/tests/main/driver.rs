@@ -14,7 +14,7 @@ use std::sync::{Arc, Mutex};
 const FRAMES: i64 = 9;
 
 /// A wall that is seen to move, and noise on it.
-fn make(folder: &Path, number: i64) {
+pub fn make(folder: &Path, number: i64) {
     make_of(folder, number, Size::new(40, 24));
 }
 

@@ -11,6 +11,7 @@ mod replay;
 mod rewrite;
 mod roles;
 mod sequences;
+mod stream;
 
 use std::fs;
 use std::path::PathBuf;

@@ -1,0 +1,95 @@
+//! A frame in memory as an image: named passes instead of a file's channels, so that arrays take the way of files.
+
+use crate::error::Error;
+use crate::image::{AttributeValue, ExrImage, Samples};
+use crate::roles::{Aliases, Role};
+use quell::Size;
+use std::collections::BTreeMap;
+use std::path::Path;
+
+/// A pass of a frame in memory.
+#[derive(Clone, Debug)]
+pub struct ArrayPass {
+    /// What messages and results call it; without a role also what tells what it is, as in a file (`DiffDir`).
+    pub name: String,
+    /// What it is; absent: by its name, one of quell's own words first ([`Role::name`]).
+    pub role: Option<Role>,
+    /// Its components in their usual order (red, green, blue, alpha; x, y, z, w), one to four.
+    pub components: Vec<Samples>,
+}
+
+/// Names of components, by their number.
+const COMPONENTS: [&[&str]; 4] = [&["Y"], &["X", "Y"], &["R", "G", "B"], &["R", "G", "B", "A"]];
+/// Motion with a second pair of components for the other direction of time.
+const FOUR_NUMBERS: &[&str] = &["X", "Y", "Z", "W"];
+
+/// The image of a frame; `label` stands for the file in messages. `clip_from_world` is the camera, as
+/// [`quell::Camera::clip_from_world`].
+///
+/// With it come the wishes ([`crate::MapOptions::map`]) that give passes with a role that role.
+///
+/// # Errors
+/// [`Error::Invalid`] where a name is empty, given twice or known to no renderer, where a role does not have so many
+/// components, or where samples are not as many as pixels.
+pub fn image_of(
+    label: &Path,
+    size: Size,
+    passes: Vec<ArrayPass>,
+    clip_from_world: Option<[f32; 16]>,
+) -> Result<(ExrImage, Vec<String>), Error> {
+    let aliases = Aliases::built_in()?;
+    let mut channels = BTreeMap::new();
+    let mut wishes = Vec::new();
+    for pass in passes {
+        let ArrayPass { name, role, components } = pass;
+        let role = role.or_else(|| Role::from_name(&name));
+        let invalid = |reason: String| Error::invalid(label, format!("`{name}`: {reason}"));
+        if name.is_empty() {
+            return Err(invalid("a pass without a name".to_owned()));
+        }
+        if role.is_none() && !aliases.knows(&name) {
+            let roles = Role::ALL.iter().map(|role| role.name()).collect::<Vec<_>>().join(", ");
+            return Err(invalid(format!("no renderer calls a pass like this; name what it is: {roles}")));
+        }
+        let count = components.len();
+        if let Some(role) = role {
+            let [least, most] = role.channels();
+            // A colour may have its alpha beside it.
+            let most = if most == 3 && (role.light().is_some() || role == Role::Beauty) { 4 } else { most };
+            if count < least || count > most {
+                let wanted = if least == most { least.to_string() } else { format!("{least} to {most}") };
+                return Err(invalid(format!("{count} channels, and {role} has {wanted}")));
+            }
+            wishes.push(format!("{role}={name}"));
+        }
+        let is_motion = role.map_or_else(|| aliases.is_motion(&name), |role| role == Role::Motion);
+        let letters = if is_motion && count == 4 { Some(&FOUR_NUMBERS) } else { COMPONENTS.get(count.wrapping_sub(1)) };
+        let Some(letters) = letters else { return Err(invalid(format!("{count} channels; passes have one to four"))) };
+        for (letter, samples) in letters.iter().zip(components) {
+            if samples.len() != size.pixels() {
+                return Err(invalid(format!("{} samples a channel, not {}", samples.len(), size.pixels())));
+            }
+            if channels.insert(format!("{name}.{letter}"), samples).is_some() {
+                return Err(invalid("two passes of this name".to_owned()));
+            }
+        }
+    }
+    let mut image = ExrImage::from_channels(label, size, channels)?;
+    if let Some(matrix) = clip_from_world {
+        image.set_attribute("worldToNDC", AttributeValue::Matrix4x4(matrix))?;
+    }
+    Ok((image, wishes))
+}
+
+/// The replaced samples of a pass that had so many components, in their order; `None` where it was not filtered. Of a light
+/// pass with an alpha only the colour is filtered.
+pub fn filtered<'i>(image: &'i ExrImage, name: &str, components: usize) -> Option<Vec<&'i Samples>> {
+    let part = image.parts().first()?;
+    let letters = COMPONENTS.get(components.wrapping_sub(1))?;
+    let replaced = |letter: &&str| {
+        let channel = part.channels().get(part.find(&format!("{name}.{letter}"))?)?;
+        channel.samples().filter(|_| channel.is_replaced())
+    };
+    let found: Vec<&Samples> = letters.iter().map_while(replaced).collect();
+    (found.len() >= components.min(3)).then_some(found)
+}
