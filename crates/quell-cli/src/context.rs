@@ -10,6 +10,7 @@ use quell::{Preset, Settings};
 use quell_lab::backend::Backend;
 use quell_lab::report::Report;
 use serde_json::{Map, Value};
+use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 
 /// The one preset of the filter of sequences.
@@ -27,6 +28,8 @@ pub struct Context {
     choice: Choice,
     /// The command line as it was typed.
     pub command: String,
+    /// The file that holds this program.
+    pub program: PathBuf,
 }
 
 impl Context {
@@ -54,7 +57,8 @@ impl Context {
             settings,
             preset,
             choice: Choice::new(common.backend, common.device.clone())?,
-            command: command_line(),
+            command: command_line(&common.arguments),
+            program: common.program.clone(),
         })
     }
 
@@ -186,13 +190,13 @@ pub fn with_further(report: &Report, further: Map<String, Value>) -> Result<Stri
 }
 
 /// The command line, words with spaces in quotes.
-fn command_line() -> String {
-    let quoted = |word: std::ffi::OsString| {
+fn command_line(arguments: &[OsString]) -> String {
+    let quoted = |word: &OsString| {
         let word = word.to_string_lossy().into_owned();
         let plain = !word.is_empty() && !word.contains(|c: char| c.is_whitespace() || c == '"' || c == '\'');
         if plain { word } else { format!("'{}'", word.replace('\'', r"'\''")) }
     };
-    std::iter::once("quell".to_owned()).chain(std::env::args_os().skip(1).map(quoted)).collect::<Vec<_>>().join(" ")
+    std::iter::once("quell".to_owned()).chain(arguments.iter().skip(1).map(quoted)).collect::<Vec<_>>().join(" ")
 }
 
 /// The widest vector instructions of this machine that matter here.

@@ -1,7 +1,5 @@
 //! How a run ends badly, and with which exit status.
 
-use std::process::ExitCode;
-
 /// Why a command did not do all that was asked.
 #[derive(Debug)]
 pub enum Failure {
@@ -41,15 +39,15 @@ impl Failure {
     }
 
     /// The exit status.
-    pub fn exit_code(&self) -> ExitCode {
-        ExitCode::from(match self {
+    pub fn exit_status(&self) -> u8 {
+        match self {
             Self::NobodyListens => 0,
             Self::Failed(_) => 1,
             Self::Usage(_) => 2,
             Self::SomeFrames(_) => 3,
             Self::Faults => 4,
             Self::Interrupted(_) => 130,
-        })
+        }
     }
 }
 

@@ -20,6 +20,7 @@ use quell_trace::Estimator;
 use ranges::Frames;
 use scene::SceneArgs;
 pub use shaders::ShadersArgs;
+use std::ffi::OsString;
 use std::path::PathBuf;
 use values::{BackendChoice, Setting};
 
@@ -83,6 +84,12 @@ pub struct Common {
     /// Take parameters from a TOML file; --set comes after it
     #[arg(long, global = true, value_name = "FILE.toml")]
     pub settings: Option<PathBuf>,
+    /// The command line as it was typed
+    #[arg(skip)]
+    pub arguments: Vec<OsString>,
+    /// The file that holds the program
+    #[arg(skip)]
+    pub program: PathBuf,
 }
 
 #[derive(Debug, Subcommand)]

@@ -4,7 +4,7 @@ mod bench;
 mod compare;
 mod demo;
 mod denoise;
-mod doctor;
+pub mod doctor;
 mod explain;
 mod explain_scene;
 mod render;

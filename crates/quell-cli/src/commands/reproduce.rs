@@ -39,7 +39,7 @@ pub fn run(context: &Context, args: ReproduceArgs) -> Result<(), Failure> {
     let wanted = |part: ReproducePart| args.only.is_empty() || args.only.contains(&part);
     let cache = Cache::default_place();
     let notify = |what: &str| context.note(what);
-    let program = program();
+    let program = program(&context.program);
     let shop = Workshop {
         folder: &args.output,
         cache: cache.as_ref(),
