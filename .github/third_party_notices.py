@@ -1,6 +1,6 @@
-"""Prints name, version, licence and licence texts of every crate that ends up in the binary `quell`.
+"""Prints name, version, licence and licence texts of every crate that ends up in the binary `quell`, or in another package.
 
-Usage: python3 .github/third_party_notices.py TARGET > THIRD-PARTY-NOTICES.txt
+Usage: python3 .github/third_party_notices.py TARGET [PACKAGE] > THIRD-PARTY-NOTICES.txt
 Ends with status 1 where a crate ships neither a licence text nor a known licence expression.
 """
 
@@ -13,21 +13,21 @@ LICENCE_FILES = ("license", "licence", "copying", "notice", "unlicense", "copyri
 
 
 def main() -> int:
-    target = sys.argv[1]
+    target, package = sys.argv[1], (sys.argv[2:] or ["quell-cli"])[0]
     command = ["cargo", "metadata", "--locked", "--format-version", "1", "--filter-platform", target]
     metadata = json.loads(subprocess.run(command, check=True, stdout=subprocess.PIPE).stdout)
     packages = {package["id"]: package for package in metadata["packages"]}
     nodes = {node["id"]: node for node in metadata["resolve"]["nodes"]}
-    root = next(p["id"] for p in metadata["packages"] if p["name"] == "quell-cli")
+    root = next(p["id"] for p in metadata["packages"] if p["name"] == package)
 
     # What is linked: normal dependencies only, neither those of tests nor those of build scripts.
     linked, waiting = set(), [root]
     while waiting:
-        package = waiting.pop()
-        if package in linked:
+        linking = waiting.pop()
+        if linking in linked:
             continue
-        linked.add(package)
-        for dependency in nodes[package]["deps"]:
+        linked.add(linking)
+        for dependency in nodes[linking]["deps"]:
             if any(kind["kind"] is None for kind in dependency["dep_kinds"]):
                 waiting.append(dependency["pkg"])
 

@@ -4,6 +4,7 @@ import os
 import shutil
 import subprocess
 import sys
+import sysconfig
 
 from .errors import Problem
 
@@ -22,7 +23,7 @@ def _runs(path):
 
 
 def find(preference="", blend_folder="", search_path=None, home=None):
-    """The program's path: from the preferences, else PATH, else the .blend file's folder, else where cargo installs.
+    """The program's path: from the preferences, else PATH, else the .blend file's folder, else where cargo and pip install.
 
     `preference` may name the program or its folder; what is named there and missing is an error, never passed over.
     """
@@ -39,7 +40,11 @@ def find(preference="", blend_folder="", search_path=None, home=None):
     if found:
         return os.path.abspath(found)
     # Blender does not see the PATH of a terminal when it is started from a desktop.
-    folders = [blend_folder, os.path.join(home or os.path.expanduser("~"), ".cargo", "bin")]
+    own = home or os.path.expanduser("~")
+    folders = [blend_folder, os.path.join(own, ".cargo", "bin"), os.path.join(own, ".local", "bin")]
+    if home is None:
+        # `pip install quell-denoise`: for this user, or into Blender's own Python.
+        folders += [sysconfig.get_path("scripts", f"{os.name}_user"), sysconfig.get_path("scripts")]
     for folder in folders:
         if folder and _runs(os.path.join(folder, name)):
             return os.path.abspath(os.path.join(folder, name))

@@ -67,7 +67,7 @@ class QuellPreferences(bpy.types.AddonPreferences):
     program: StringProperty(
         name="Program",
         description="The program quell, or the folder that it lies in. Empty: looked for on PATH, beside the .blend file and "
-        "where cargo installs",
+        "where cargo and pip install",
         subtype="FILE_PATH",
     )
 

@@ -81,8 +81,9 @@ class Binary(Folder):
         return binary.find(**{"search_path": os.path.join(self.folder, "nowhere"), "home": self.folder, **given})
 
     def test_order(self):
-        named, on_path, beside, cargo = (os.path.join(self.folder, n) for n in ("a", "b", "c", ".cargo/bin"))
-        for folder in (named, on_path, beside, cargo):
+        places = ("a", "b", "c", ".cargo/bin", ".local/bin")
+        named, on_path, beside, cargo, pip = (os.path.join(self.folder, n) for n in places)
+        for folder in (named, on_path, beside, cargo, pip):
             os.makedirs(folder)
             program(folder)
         path = os.path.join
@@ -92,6 +93,8 @@ class Binary(Folder):
         self.assertEqual(self.find(**everywhere), path(on_path, "quell"))
         self.assertEqual(self.find(blend_folder=beside), path(beside, "quell"))
         self.assertEqual(self.find(), path(cargo, "quell"))
+        os.remove(path(cargo, "quell"))
+        self.assertEqual(self.find(), path(pip, "quell"))
 
     def test_nowhere(self):
         with self.assertRaisesRegex(Problem, "https://github.com/quell-denoise/quell"):

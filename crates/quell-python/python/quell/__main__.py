@@ -1,0 +1,7 @@
+"""`python -m quell` is the command `quell`."""
+
+import sys
+
+from ._command import main
+
+sys.exit(main())
