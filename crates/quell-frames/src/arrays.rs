@@ -4,7 +4,7 @@ use crate::error::Error;
 use crate::image::{AttributeValue, ExrImage, Samples};
 use crate::roles::{Aliases, Role};
 use quell::Size;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
 /// A pass of a frame in memory.
@@ -39,6 +39,7 @@ pub fn image_of(
 ) -> Result<(ExrImage, Vec<String>), Error> {
     let aliases = Aliases::built_in()?;
     let mut channels = BTreeMap::new();
+    let mut names = BTreeSet::new();
     let mut wishes = Vec::new();
     for pass in passes {
         let ArrayPass { name, role, components } = pass;
@@ -46,6 +47,9 @@ pub fn image_of(
         let invalid = |reason: String| Error::invalid(label, format!("`{name}`: {reason}"));
         if name.is_empty() {
             return Err(invalid("a pass without a name".to_owned()));
+        }
+        if !names.insert(name.clone()) {
+            return Err(invalid("two passes of this name".to_owned()));
         }
         if role.is_none() && !aliases.knows(&name) {
             let roles = Role::ALL.iter().map(|role| role.name()).collect::<Vec<_>>().join(", ");
@@ -69,9 +73,7 @@ pub fn image_of(
             if samples.len() != size.pixels() {
                 return Err(invalid(format!("{} samples a channel, not {}", samples.len(), size.pixels())));
             }
-            if channels.insert(format!("{name}.{letter}"), samples).is_some() {
-                return Err(invalid("two passes of this name".to_owned()));
-            }
+            channels.insert(format!("{name}.{letter}"), samples);
         }
     }
     let mut image = ExrImage::from_channels(label, size, channels)?;

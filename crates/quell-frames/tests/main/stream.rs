@@ -161,7 +161,7 @@ fn what_does_not_fit_is_named() {
     assert!(error.contains("`normal`: 2 channels, and normal has 3"), "{error}");
     let error = says(vec![colour("albedo", Some(Role::Albedo), 1, 4)]);
     assert!(error.contains("4 channels, and albedo has 1 to 3"), "{error}");
-    let error = says(vec![colour("color", Some(Role::Beauty), 1, 3), colour("color", None, 1, 3)]);
+    let error = says(vec![colour("color", Some(Role::Beauty), 1, 3), colour("color", None, 1, 1)]);
     assert!(error.contains("two passes of this name"), "{error}");
     let error =
         says(vec![ArrayPass { name: "color".into(), role: None, components: vec![Samples::Float(vec![0.0; 7])] }]);
