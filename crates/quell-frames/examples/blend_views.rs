@@ -1,9 +1,12 @@
-//! What the stage `blend` chooses from and by, as NumPy files, for `benchmarks/blend/train.py`.
+//! What the nets of the stages `stabilise` and `blend` choose from and by, for the training scripts of `benchmarks/nets`.
 //!
-//!     cargo run --release -p quell-frames --example blend_views -- SEQUENCE OUT FRAMES [NAME=VALUE ...]
+//!     cargo run --release -p quell-frames --example blend_views -- SEQUENCE OUT FRAMES EVERY [NAME=VALUE ...]
 //!
-//! For every frame of FRAMES (as 6-8) one file OUT/NNNN.npy of 32-bit floats, (height, width, 31): three candidates of three
-//! channels, the noise, what the net reads.
+//! For every frame of FRAMES (as 6-8) one file OUT/NNNN.npy of 32-bit floats, (height, width, 27): three candidates of three
+//! channels, the noise, what the net of `blend` reads. For one pixel in EVERY (0: none) the taps of `stabilise`: OUT/NNNN.head, 32-bit
+//! floats, a row of 30 for each pixel: column, row, one over the brightness, noise, three candidates over the brightness, statistics;
+//! OUT/NNNN.taps, 16-bit floats, rows of 79 taps of 9 numbers: colour over brightness, squared differences of four parts of the
+//! signature, squared distance, 1 + frames between (0.5: the pixel itself; 0: no tap).
 use quell::sequence::{BlendView, SequenceDenoiser, SequenceSettings};
 use quell_frames::{AdaptOptions, Adapter, Links, MapOptions, find_sequence};
 use std::error::Error;
@@ -12,8 +15,8 @@ use std::path::Path;
 
 fn main() -> Result<(), Box<dyn Error>> {
     let args: Vec<String> = std::env::args().collect();
-    let [_, input, out, frames, settings_of @ ..] = &args[..] else {
-        return Err("arguments: SEQUENCE OUT FRAMES [NAME=VALUE ...]".into());
+    let [_, input, out, frames, every, settings_of @ ..] = &args[..] else {
+        return Err("arguments: SEQUENCE OUT FRAMES EVERY [NAME=VALUE ...]".into());
     };
     let (first, last) = frames.split_once('-').unwrap_or((frames, frames));
     let wanted: std::ops::RangeInclusive<i64> = first.parse()?..=last.parse()?;
@@ -32,7 +35,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let adapter = Adapter::new(mapping.clone(), canvas, &start, next.as_deref(), &AdaptOptions::default())?;
     let mut links = Links::default();
     let mut denoiser = SequenceDenoiser::new(settings)?;
-    denoiser.keep_blend_views();
+    denoiser.keep_blend_views(every.parse()?);
     std::fs::create_dir_all(out)?;
     for sources in &sequence.frames {
         let images = sources.read(&mapping)?;
@@ -46,6 +49,9 @@ fn main() -> Result<(), Box<dyn Error>> {
 
 fn write(views: Vec<BlendView>, out: &Path) -> Result<(), Box<dyn Error>> {
     for view in views {
+        if !view.chosen.is_empty() {
+            taps(&view, out)?;
+        }
         let size = view.inputs.size();
         let shape = format!("({}, {}, {})", size.height, size.width, 10 + view.inputs.data()[0].len());
         let header = format!("{{'descr': '<f4', 'fortran_order': False, 'shape': {shape}, }}");
@@ -61,6 +67,22 @@ fn write(views: Vec<BlendView>, out: &Path) -> Result<(), Box<dyn Error>> {
                 file.write_all(&value.to_le_bytes())?;
             }
         }
+    }
+    Ok(())
+}
+
+fn taps(view: &BlendView, out: &Path) -> Result<(), Box<dyn Error>> {
+    let mut file = std::io::BufWriter::new(std::fs::File::create(out.join(format!("{:04}.head", view.number)))?);
+    for ((x, y), inverse) in view.chosen.iter().zip(&view.inverse) {
+        let all = [*x as f32, *y as f32, *inverse, view.own_noise.at(*x, *y)].into_iter();
+        let all = all.chain(view.candidates.iter().flat_map(|plane| plane.at(*x, *y).map(|v| v * inverse)));
+        for v in all.chain(view.before.at(*x, *y)) {
+            file.write_all(&v.to_le_bytes())?;
+        }
+    }
+    let mut file = std::io::BufWriter::new(std::fs::File::create(out.join(format!("{:04}.taps", view.number)))?);
+    for v in &view.taps {
+        file.write_all(&v.to_le_bytes())?;
     }
     Ok(())
 }

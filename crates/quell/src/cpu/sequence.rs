@@ -14,6 +14,7 @@ pub(crate) static STAGES: SequenceStages = SequenceStages {
     sum: recombine::cpu::sum,
     input: recombine::cpu::input,
     likeness: stabilise::likeness::run,
+    signature: stabilise::joint::signature,
     stabilise: passes::stabilise::run,
     blend: blend::cpu::run,
     rescale: recombine::cpu::rescale,

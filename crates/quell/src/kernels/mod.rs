@@ -7,6 +7,7 @@
 //! | `temporal`, `clip` | the blend with history; its clamp to the neighbourhood | real-time |
 //! | `edge`, `spiral` | cross-bilateral weights; sparse tap patterns | real-time |
 //! | `guide_distance` | edge-stopping functions of feature buffers | sequence |
+//! | `net` | a small net | sequence |
 //! | `bilinear`, `math` | footprints; functions with the same bits on every machine | both |
 //!
 //! `*_cpu.rs` are twins on vectors, `*.wgsl` on the GPU.
@@ -25,6 +26,7 @@ pub mod math;
 pub mod mirror_image;
 #[cfg(feature = "cpu")]
 pub(crate) mod mirror_image_cpu;
+pub(crate) mod net;
 pub mod reproject;
 #[cfg(feature = "cpu")]
 pub(crate) mod reproject_cpu;

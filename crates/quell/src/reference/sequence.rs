@@ -13,6 +13,7 @@ pub(crate) static STAGES: SequenceStages = SequenceStages {
     sum: recombine::reference::sum,
     input: recombine::reference::input,
     likeness: stabilise::reference::likeness,
+    signature: stabilise::reference::signature,
     stabilise: stabilise::reference::run,
     blend: blend::reference::run,
     rescale: recombine::reference::rescale,

@@ -4,8 +4,8 @@
 //! The GPU's are in `tests/suite/gpu`.
 
 use super::run::{SequenceStages, stages_of};
-use super::settings::Blend;
-use super::testing::{frame, random};
+use super::settings::{Blend, Stabilise};
+use super::testing::frame;
 use super::{Filtered, LightKind, SequenceDenoiser, SequenceFrame, SequenceSettings};
 use crate::denoiser::Backend;
 use crate::frame::Rgb;
@@ -26,7 +26,7 @@ struct Bound {
 }
 
 /// Of each stage, with the reason.
-const BOUNDS: [(&str, Bound); 12] = [
+const BOUNDS: [(&str, Bound); 14] = [
     // Costs of patches add up in another order, so that of two offsets that cost the same either may win.
     ("reflection_motion", Bound { relative: 1e-5, flips: 0.01 }),
     // The same arithmetic in the same order.
@@ -43,8 +43,12 @@ const BOUNDS: [(&str, Bound); 12] = [
     ("input", Bound { relative: 1e-6, flips: 0.0 }),
     // Sums of squares in f32, in the reference in f64.
     ("likeness", Bound { relative: 2e-5, flips: 0.0 }),
+    // Means of 25 values in f32, in the reference in f64.
+    ("signature", Bound { relative: 2e-6, flips: 0.0 }),
     // Another form of the cubic's polynomials.
-    ("stabilise", Bound { relative: 2e-5, flips: 0.0 }),
+    ("stabilise by hand", Bound { relative: 2e-5, flips: 0.0 }),
+    // Statistics as in `blend`, through a net; weights fall by powers of two of differences over them.
+    ("stabilise", Bound { relative: 5e-4, flips: 2e-3 }),
     // Windows summed in another order; logarithms of small differences of large numbers, through a net.
     ("blend", Bound { relative: 2e-3, flips: 2e-3 }),
     // The same arithmetic in the same order.
@@ -218,23 +222,34 @@ fn every_stage_agrees_with_its_reference() {
     let likeness: Vec<_> = (smoothed.iter().zip(&raw))
         .map(|(picture, raw)| (stages_of(Backend::Cpu).likeness)(picture, raw, &s.stabilise))
         .collect();
-    let shown: Vec<_> = (members.iter().zip(&pictures).zip(&likeness))
-        .map(|((f, picture), likeness)| StabiliseFrame {
-            features: &f.features,
-            picture,
-            likeness: Some(likeness),
-            alpha: f.alpha.as_ref(),
+    check("signature", |stages| {
+        let signature = (stages.signature)(&here.features, &smoothed[2]);
+        vec![("signature".to_owned(), signature.data().iter().flatten().copied().collect())]
+    });
+    let signatures: Vec<_> = (members.iter().zip(&pictures))
+        .map(|(frame, picture)| (stages_of(Backend::Cpu).signature)(&frame.features, picture))
+        .collect();
+    let shown: Vec<_> = (0..members.len())
+        .map(|i| StabiliseFrame {
+            features: &members[i].features,
+            picture: &pictures[i],
+            input: &raw[i],
+            likeness: Some(&likeness[i]),
+            signature: Some(&signatures[i]),
+            alpha: members[i].alpha.as_ref(),
         })
         .collect();
-    check("stabilise", |stages| {
-        let (picture, alpha) = (stages.stabilise)(&shown, 2, &s.gather, &s.stabilise);
-        vec![colours("picture", &picture), ("coverage".to_owned(), alpha.unwrap().data().to_vec())]
-    });
+    for (net, name) in [(false, "stabilise by hand"), (true, "stabilise")] {
+        let settings = Stabilise { net, ..s.stabilise };
+        check(name, |stages| {
+            let (picture, alpha) = (stages.stabilise)(&shown, 2, &s.gather, &settings);
+            vec![colours("picture", &picture), ("coverage".to_owned(), alpha.unwrap().data().to_vec())]
+        });
+    }
 
     let (steady, _) = (stages_of(Backend::Cpu).stabilise)(&shown, 2, &s.gather, &s.stabilise);
-    let samples = Plane::from_fn(SIZE, |x, y| 1.0 + 16.0 * random(x, y, 2, 11));
     let shown: Vec<_> = (members.iter().zip(&raw).zip(&pictures))
-        .map(|((f, input), picture)| BlendFrame { features: &f.features, input, picture, samples: &samples })
+        .map(|((f, input), picture)| BlendFrame { features: &f.features, input, picture })
         .collect();
     let mut shares = None;
     for net in [false, true] {
@@ -271,7 +286,16 @@ fn stages_agree_where_buffers_and_neighbours_are_missing() {
             let slots = gathered.slots;
             let filtered = (stages.wavelet)(&local, &slots, gathered.colours, variance, &s.wavelet);
             let picture = (stages.sum)(&frame, &slots, &filtered);
-            let only = StabiliseFrame { features: &frame.features, picture: &picture, likeness: None, alpha: None };
+            let input = (stages.input)(&frame, &slots, &filtered);
+            let signature = (stages.signature)(&frame.features, &picture);
+            let only = StabiliseFrame {
+                features: &frame.features,
+                picture: &picture,
+                input: &input,
+                likeness: None,
+                signature: Some(&signature),
+                alpha: None,
+            };
             let (steady, alpha) = (stages.stabilise)(&[only], 0, &s.gather, &s.stabilise);
             assert!(alpha.is_none());
             let passes = (stages.rescale)(&frame, &slots, &filtered, [&picture, &steady], None);

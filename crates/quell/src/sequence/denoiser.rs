@@ -35,7 +35,7 @@ pub struct SequenceDenoiser {
     device: Device,
     /// What `blend` chose from and by, where it is asked for.
     #[cfg(all(feature = "internals", feature = "cpu"))]
-    blend_views: Option<Vec<super::BlendView>>,
+    blend_views: Option<(usize, Vec<super::BlendView>)>,
 }
 
 /// Whether the frames of the present run are on the accelerator's device.
@@ -114,16 +114,17 @@ impl SequenceDenoiser {
         Ok(Self { accelerator: Some(accelerator), ..Self::new(settings)? })
     }
 
-    /// Keeps what `blend` chooses from and by, of every frame that comes out: for the training of its net.
+    /// Keeps what the nets of `stabilise` and `blend` choose from and by, of every frame that comes out, for their training; taps of
+    /// one pixel in `every` (0: none).
     #[cfg(all(feature = "internals", feature = "cpu"))]
-    pub fn keep_blend_views(&mut self) {
-        self.blend_views = Some(Vec::new());
+    pub fn keep_blend_views(&mut self, every: usize) {
+        self.blend_views = Some((every, Vec::new()));
     }
 
     /// Those of the frames that came out since the last call.
     #[cfg(all(feature = "internals", feature = "cpu"))]
     pub fn take_blend_views(&mut self) -> Vec<super::BlendView> {
-        self.blend_views.as_mut().map(std::mem::take).unwrap_or_default()
+        self.blend_views.as_mut().map(|(_, views)| std::mem::take(views)).unwrap_or_default()
     }
 
     /// The stages that run, in order.
@@ -226,7 +227,12 @@ impl SequenceDenoiser {
                         let mut estimate = self.estimate(i).inspect_err(|_| self.clear())?;
                         if self.plan.runs(SequenceStage::Stabilise) {
                             let s = &self.settings.stabilise;
-                            estimate.likeness = Some((self.stages.likeness)(&estimate.picture, &estimate.input, s));
+                            if s.net {
+                                let features = &self.entries[i].frame.features;
+                                estimate.signature = Some((self.stages.signature)(features, &estimate.picture));
+                            } else {
+                                estimate.likeness = Some((self.stages.likeness)(&estimate.picture, &estimate.input, s));
+                            }
                         }
                         self.entries[i].estimate = Some(estimate);
                         self.entries[i].frame.estimated();
@@ -287,7 +293,7 @@ impl SequenceDenoiser {
                     let (slots, colours, samples) = job.estimated();
                     let picture = (stages.sum)(frame, &slots, &colours);
                     let input = (stages.input)(frame, &slots, &colours);
-                    return Ok(Estimate { slots, colours, picture, input, samples, likeness: None });
+                    return Ok(Estimate { slots, colours, picture, input, samples, likeness: None, signature: None });
                 }
             }
         }
@@ -300,8 +306,8 @@ impl SequenceDenoiser {
         let entry = self.entries.get(t)?;
         let estimate = entry.estimate.as_ref()?;
         #[cfg(all(feature = "internals", feature = "cpu"))]
-        if let Some(views) = &mut self.blend_views {
-            views.push(run::blend_view(self.stages, &frames, t - from, &self.settings));
+        if let Some((every, views)) = &mut self.blend_views {
+            views.push(run::blend_view(self.stages, &frames, t - from, *every, &self.settings));
         }
         let run::Finished { passes, alpha, noise } =
             run::finish(self.stages, &self.plan, &frames, t - from, &self.settings);

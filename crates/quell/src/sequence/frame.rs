@@ -182,8 +182,8 @@ pub struct Filtered {
     pub confidence: Plane<f32>,
     /// Samples (pixels of some frame) that the steadiest light's mean is worth before the filter over the image.
     pub samples: Plane<f32>,
-    /// Expected error of the picture: root mean square over the channels, in units of the picture. Absent where the stage `blend` does
-    /// not run.
+    /// Expected error of the picture at `blend.strength` 1: root mean square over the channels, in units of the picture. Absent
+    /// where the stage `blend` does not run.
     pub noise: Option<Plane<f32>>,
     /// Colour samples of the input that were not finite and counted as 0.
     pub repaired: usize,

@@ -11,7 +11,7 @@ use crate::plane::{Plane, Size};
 use crate::stages::blend::{Blend, BlendFrame};
 use crate::stages::gather::Gathered;
 use crate::stages::reflection_motion::ReflectionMotion;
-use crate::stages::stabilise::{Likeness, StabiliseFrame};
+use crate::stages::stabilise::{Likeness, Signature, StabiliseFrame};
 use crate::window::{Features, LightSlot, LocalFeatures, PreparedFrame, Rows};
 
 /// Of each light the variance that the renderer gave, NaN where it is unknown.
@@ -36,6 +36,7 @@ pub(crate) struct SequenceStages {
     pub sum: fn(&PreparedFrame, &[LightSlot], &Rows) -> Plane<Rgb>,
     pub input: fn(&PreparedFrame, &[LightSlot], &Rows) -> Plane<Rgb>,
     pub likeness: fn(&Plane<Rgb>, &Plane<Rgb>, &Stabilise) -> Likeness,
+    pub signature: fn(&Features, &Plane<Rgb>) -> Plane<Signature>,
     pub stabilise: fn(&[StabiliseFrame<'_>], usize, &Gather, &Stabilise) -> SteadyPicture,
     pub blend: BlendStage,
     pub rescale: Rescale,
@@ -61,8 +62,9 @@ pub(crate) struct Estimate {
     pub input: Plane<Rgb>,
     /// The largest number of samples that a light's mean is worth.
     pub samples: Plane<f32>,
-    /// What `stabilise` compares neighbours by, where it does.
+    /// What `stabilise` compares pixels by, where it does: made by hand, or for its net.
     pub likeness: Option<Likeness>,
+    pub signature: Option<Plane<Signature>>,
 }
 
 /// What the stages of one frame hand on to each other.
@@ -108,7 +110,7 @@ pub(crate) fn estimate(
         work.run(stage, accelerator)?;
     }
     let Work { gathered: Gathered { slots, colours, .. }, picture, input, samples, .. } = work;
-    Ok(Estimate { slots, colours, picture, input, samples, likeness: None })
+    Ok(Estimate { slots, colours, picture, input, samples, likeness: None, signature: None })
 }
 
 impl Work<'_> {
@@ -214,7 +216,9 @@ fn stabilise_window<'a>(frames: &'a [(&PreparedFrame, &Estimate)]) -> Vec<Stabil
     let one = |(frame, estimate): &(&'a PreparedFrame, &'a Estimate)| StabiliseFrame {
         features: &frame.features,
         picture: &estimate.picture,
+        input: &estimate.input,
         likeness: estimate.likeness.as_ref(),
+        signature: estimate.signature.as_ref(),
         alpha: frame.alpha.as_ref(),
     };
     frames.iter().map(one).collect()
@@ -225,7 +229,6 @@ fn blend_window<'a>(frames: &'a [(&PreparedFrame, &Estimate)]) -> Vec<BlendFrame
         features: &frame.features,
         input: &estimate.input,
         picture: &estimate.picture,
-        samples: &estimate.samples,
     };
     frames.iter().map(one).collect()
 }
@@ -242,6 +245,16 @@ pub struct BlendView {
     pub inputs: Plane<crate::stages::blend::Inputs>,
     /// Noise of the input, squared, mean of the channels.
     pub noise: Plane<f32>,
+    /// The same as `stabilise` finds it.
+    pub own_noise: Plane<f32>,
+    /// What the net of `stabilise` reads, and more.
+    pub before: Plane<crate::stages::blend::Inputs>,
+    /// Pixels whose taps are here: column and row.
+    pub chosen: Vec<(usize, usize)>,
+    /// What `stabilise` averages there, and one over the brightness that it is relative to.
+    pub taps: Vec<half::f16>,
+    /// See `taps`.
+    pub inverse: Vec<f32>,
 }
 
 #[cfg(all(feature = "internals", feature = "cpu"))]
@@ -249,14 +262,24 @@ pub(crate) fn blend_view(
     stages: &SequenceStages,
     frames: &[(&PreparedFrame, &Estimate)],
     centre: usize,
+    every: usize,
     s: &SequenceSettings,
 ) -> BlendView {
     let (frame, estimate) = frames[centre];
-    let (steady, _) = (stages.stabilise)(&stabilise_window(frames), centre, &s.gather, &s.stabilise);
+    let around = stabilise_window(frames);
+    let (steady, _) = (stages.stabilise)(&around, centre, &s.gather, &s.stabilise);
     let window = blend_window(frames);
-    let (inputs, noise) = crate::stages::blend::cpu::inputs(&window, centre, &steady, (&s.gather, &s.stabilise));
+    let of =
+        |steady: &Plane<Rgb>| crate::stages::blend::cpu::inputs(&window, centre, steady, (&s.gather, &s.stabilise));
+    let ((inputs, noise), (before, own_noise)) = (of(&steady), of(&estimate.picture));
+    let chosen: Vec<_> = (0..noise.size().pixels())
+        .filter(|i| every > 0 && (i.wrapping_mul(0x9e37_79b9) >> 16) % every == 0)
+        .map(|i| (i % noise.size().width, i / noise.size().width))
+        .collect();
+    let joint = crate::stages::stabilise::joint::Joint::new(&around, centre, &s.gather, &s.stabilise);
+    let (taps, inverse) = crate::stages::stabilise::joint::training_taps(&joint, &chosen);
     let candidates = [estimate.input.clone(), estimate.picture.clone(), steady];
-    BlendView { number: frame.number, candidates, inputs, noise }
+    BlendView { number: frame.number, candidates, inputs, noise, own_noise, inverse, before, chosen, taps }
 }
 
 /// Coverage is stabilised as far as the picture is.

@@ -142,8 +142,10 @@ parameters! {
         albedo: f32 = 0.15, 0.01..=16.0, "", "Tolerance of the surface's colour where a beauty could not be divided.",
             higher "Textures blur.", lower "Noisier.", source "ours";
     }
-    /// Each picture averaged with its neighbours in time, limited to its own local range.
+    /// Each picture averaged with its neighbours in time, and with the pixels around that show the same.
     stabilise: Stabilise {
+        net: bool = true, (), "", "A small net trained on rendered sequences says by what pixels of this frame and of its neighbours must agree to be averaged.",
+            higher "Less error at silhouettes, wires and leaves.", lower "The form made by hand: neighbours in time alone, limited to the picture's own range in 3x3.", source "Kalantari et al. 2015; ours: docs/sequence.md";
         frames: u32 = 3, 0..=8, "frames", "Neighbours on each side.",
             higher "Steadier and smoother edges, a little softer.", lower "More flicker.", source "ours";
         decay: f32 = 0.8, 0.0..=1.0, "per frame", "Weight of a neighbour one frame further away.",
@@ -174,7 +176,7 @@ parameters! {
         choose: bool = true, (), "", "The input has a say in what comes out.",
             higher "More samples always help.", lower "The stabilised picture comes out, whatever it lost.", source "SURE (Li et al. 2012), Rousselle et al. 2013; ours: docs/sequence.md";
         net: bool = true, (), "", "A small net trained on rendered sequences gives the shares.",
-            higher "Less error.", lower "Thresholds made by hand give them: `blend.excess`, `blend.softness`.", source "ours: benchmarks/blend";
+            higher "Less error.", lower "Thresholds made by hand give them: `blend.excess`, `blend.softness`.", source "ours: benchmarks/nets";
         excess: f32 = 0.1, 0.0..=64.0, "of the noise", "Without the net: the next more filtered picture is taken whole where its squared distance from the input exceeds the noise by less.",
             higher "Smoother, detail is lost.", lower "Noisier.", source "ours";
         softness: f32 = 0.4, 0.01..=64.0, "of the noise", "Without the net: excess over which its share falls to nothing.",

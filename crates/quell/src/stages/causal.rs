@@ -89,10 +89,19 @@ fn run(backend: Backend, count: i64) -> (Plane<Rgb>, Plane<Rgb>) {
     }
     let window: Vec<_> = past
         .iter()
-        .map(|(features, picture)| StabiliseFrame { features, picture, likeness: None, alpha: None })
+        .map(|(features, picture)| StabiliseFrame {
+            features,
+            picture,
+            input: picture,
+            likeness: None,
+            signature: None,
+            alpha: None,
+        })
         .collect();
     let causal = Gather { future: false, ..Gather::default() };
-    let (picture, _) = (stages.stabilise)(&window, window.len() - 1, &causal, &Stabilise::default());
+    // The net reads the input and frames to come.
+    let by_hand = Stabilise { net: false, ..Stabilise::default() };
+    let (picture, _) = (stages.stabilise)(&window, window.len() - 1, &causal, &by_hand);
     (picture, raw)
 }
 

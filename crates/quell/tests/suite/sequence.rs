@@ -408,13 +408,14 @@ fn every_parameter_matters() {
         };
     // The pictures are small: without this the motion of reflections has one level.
     let levels = ("reflections.coarsest", "8");
-    // With the net, which reads everything but the thresholds, and with these in its place.
-    let nets = ["on", "off"].map(|net| ("blend.net", net));
-    let bases = nets.map(|net| run(&settings(&[levels, net]), (0..5).map(scene)));
+    // With the nets, which read everything but the parameters of the forms made by hand, and with these in their place.
+    let nets = ["on", "off"].map(|net| [levels, ("stabilise.net", net), ("blend.net", net)]);
+    let bases = nets.map(|nets| run(&settings(&nets), (0..5).map(scene)));
     let moves = |name: &str, value: &str| {
-        nets.iter()
-            .zip(&bases)
-            .any(|(net, base)| run(&settings(&[levels, *net, (name, value)]), (0..5).map(scene)) != *base)
+        (nets.iter().zip(&bases)).any(|(nets, base)| {
+            let [a, b, c] = *nets;
+            run(&settings(&[a, b, c, (name, value)]), (0..5).map(scene)) != *base
+        })
     };
     let still: Vec<&str> = (SEQUENCE_PARAMETERS.iter())
         .filter(|p| !p.samples().iter().any(|value| moves(p.name, value)))

@@ -6,6 +6,7 @@ use crate::plane::Plane;
 use crate::sequence::settings::{Gather, Stabilise};
 use crate::stages::stabilise::StabiliseFrame;
 use crate::stages::stabilise::cpu::Neighbourhood;
+use crate::stages::stabilise::joint;
 
 /// As [`crate::stages::stabilise::reference::run`].
 pub(crate) fn run(
@@ -14,6 +15,9 @@ pub(crate) fn run(
     gather: &Gather,
     settings: &Stabilise,
 ) -> (Plane<Rgb>, Option<Plane<f32>>) {
+    if settings.net {
+        return joint::run(window, centre, gather, settings);
+    }
     let here = &window[centre];
     let size = here.picture.size();
     let w = size.width;

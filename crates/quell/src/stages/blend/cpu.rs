@@ -1,15 +1,15 @@
 //! Shares of the candidates, row by row: windows are sums over columns of sums over rows.
 
 use super::{
-    Blend, BlendFrame, DIRECTIONS, FRAMES, LEAST_BRIGHTNESS, MOST_CHANGE, NEAR, NOISE_NEAR, NOISE_WIDE, Pooled,
-    SECOND_DIFFERENCE, WIDE, drawn_back, follow, shares, silhouette,
+    Blend, BlendFrame, DIRECTIONS, FRAMES, HIGH_PASS, LEAST_BRIGHTNESS, MOST_CHANGE, NEAR, NOISE_NEAR, NOISE_WIDE,
+    Pooled, SECOND_DIFFERENCE, WIDE, drawn_back, follow, shares, silhouette,
 };
 use crate::frame::Rgb;
 use crate::par;
 use crate::plane::{Plane, Size};
 use crate::sequence::settings::{Blend as Settings, Gather, Stabilise};
 use crate::simd::widest;
-use crate::window::Rows;
+use crate::window::{Features, Rows};
 
 /// As [`super::reference::run`].
 pub(crate) fn run(
@@ -26,9 +26,8 @@ pub(crate) fn run(
     let mut shares_of = Plane::filled(size, [0.0; 3]);
     let mut expected = Plane::filled(size, 0.0);
     par::two_rows(shares_of.data_mut(), w, expected.data_mut(), w, |y, shares_of, expected| {
-        let marks: Vec<_> = (0..w).map(|x| marks(here, (x, y), stabilise)).collect();
-        let samples = here.samples.row(y);
-        widest!(shares_row(&stats, y, (samples, &marks), s, shares_of, expected));
+        let edges: Vec<_> = (0..w).map(|x| silhouette(here.features, x, y, stabilise.nearer)).collect();
+        widest!(shares_row(&stats, y, &edges, s, shares_of, expected));
     });
     draw_back(&mut shares_of, &differences, &stats, s.guard);
     let noise = par::plane(size, |x, y| expected.at(x, y).sqrt() / inverse.at(x, y));
@@ -44,11 +43,40 @@ pub(crate) fn inputs(
     (gather, stabilise): (&Gather, &Stabilise),
 ) -> (Plane<super::Inputs>, Plane<f32>) {
     let here = &window[centre];
-    let (inverse, _, stats) = statistics(window, centre, steady, gather);
-    let pooled = |x, y| stats.at(x, y, here.samples.at(x, y), marks(here, (x, y), stabilise));
+    let noise = PictureNoise::new(window, centre, steady, gather);
+    let at = |x, y| noise.at(x, y, here.features, stabilise.nearer);
     let size = here.input.size();
-    let noise = Plane::from_fn(size, |x, y| pooled(x, y).noise(1) / (3.0 * inverse.at(x, y) * inverse.at(x, y)));
-    (Plane::from_fn(size, |x, y| pooled(x, y).inputs()), noise)
+    let squared = |x, y| {
+        let (pooled, inverse) = at(x, y);
+        pooled.noise(1) / (3.0 * inverse * inverse)
+    };
+    (Plane::from_fn(size, |x, y| at(x, y).0.inputs()), Plane::from_fn(size, squared))
+}
+
+/// What is known of the noise of a frame's input, from its difference to filtered pictures.
+pub(crate) struct PictureNoise {
+    inverse: Plane<f32>,
+    stats: Statistics,
+}
+
+impl PictureNoise {
+    /// `steady`: another filtered picture, or again the wavelet's.
+    pub(crate) fn new(window: &[BlendFrame<'_>], centre: usize, steady: &Plane<Rgb>, gather: &Gather) -> Self {
+        let (inverse, _, stats) = statistics(window, centre, steady, gather);
+        Self { inverse, stats }
+    }
+
+    /// What is known at a pixel, and one over the brightness that it is relative to.
+    #[inline(always)]
+    pub(crate) fn at(&self, x: usize, y: usize, features: &Features, nearer: f32) -> (Pooled, f32) {
+        (self.stats.at(x, y, silhouette(features, x, y, nearer)), self.inverse.at(x, y))
+    }
+
+    /// One over the brightness around a pixel.
+    #[cfg(feature = "internals")]
+    pub(crate) fn inverse(&self, x: usize, y: usize) -> f32 {
+        self.inverse.at(x, y)
+    }
 }
 
 fn statistics(
@@ -65,13 +93,6 @@ fn statistics(
     (inverse, differences, stats)
 }
 
-/// Is the pixel a mirror, at a silhouette, in the sky?
-fn marks(here: &BlendFrame<'_>, (x, y): (usize, usize), stabilise: &Stabilise) -> (bool, bool, bool) {
-    let features = here.features;
-    let p = y * features.size.width + x;
-    (features.is_mirror(p), silhouette(features, x, y, stabilise.nearer), features.surface[p].inverse_depth == 0.0)
-}
-
 /// One over the brightness around a pixel: the mean over 5x5 of both filtered pictures.
 fn inverse_brightness(picture: &Plane<Rgb>, steady: &Plane<Rgb>) -> Plane<f32> {
     let size = picture.size();
@@ -82,7 +103,7 @@ fn inverse_brightness(picture: &Plane<Rgb>, steady: &Plane<Rgb>) -> Plane<f32> {
         }
     });
     let mean = pool(&both, NOISE_NEAR);
-    par::plane(size, |x, y| 1.0 / (mean.at(x, y, 0) + LEAST_BRIGHTNESS))
+    par::plane(size, |x, y| 1.0 / (mean.at(x, y, 0).max(0.0) + LEAST_BRIGHTNESS))
 }
 
 /// Three channels each: input less wavelet, input less stabilised, input less wavelet averaged over time; then the
@@ -170,8 +191,6 @@ fn over_time(
 /// of the stabilised picture and of the wavelet's; changes of the input over space; second
 /// differences along four directions, of the input and of input less wavelet.
 const SQUARES: usize = 15;
-/// What is left of white noise's variance less its mean over 3x3, binomial.
-const HIGH_PASS: f32 = 41.0 / 64.0;
 
 fn squares(here: &BlendFrame<'_>, steady: &Plane<Rgb>, inverse: &Plane<f32>, differences: &Rows) -> Rows {
     let size = here.input.size();
@@ -247,7 +266,7 @@ impl Statistics {
     }
 
     #[inline(always)]
-    fn at(&self, x: usize, y: usize, samples: f32, (mirror, silhouette, sky): (bool, bool, bool)) -> Pooled {
+    fn at(&self, x: usize, y: usize, silhouette: bool) -> Pooled {
         let mean = |k: usize| (0..3).map(|c| self.means.at(x, y, 3 * k + c)).map(|v| v * v).sum::<f32>();
         let [near, wide] = [&self.near, &self.wide].map(|rows| [0, 1, 2].map(|k| rows.at(x, y, k)));
         Pooled {
@@ -259,10 +278,7 @@ impl Statistics {
             apart: [near[0], near[1], near[2], wide[0], wide[1], wide[2]],
             detail: [self.near.at(x, y, 3), self.near.at(x, y, 4)],
             mean: [mean(0), mean(1), mean(2)],
-            samples,
-            mirror,
             silhouette,
-            sky,
         }
     }
 }
@@ -271,13 +287,13 @@ impl Statistics {
 fn shares_row(
     stats: &Statistics,
     y: usize,
-    (samples, marks): (&[f32], &[(bool, bool, bool)]),
+    edges: &[bool],
     s: &Settings,
     shares_of: &mut [[f32; 3]],
     expected: &mut [f32],
 ) {
-    for x in 0..samples.len() {
-        let pooled = stats.at(x, y, samples[x], marks[x]);
+    for (x, edge) in edges.iter().enumerate() {
+        let pooled = stats.at(x, y, *edge);
         let (share, error) = shares(&pooled, s);
         shares_of[x] = share;
         expected[x] = error * pooled.noise(1) / 3.0;
@@ -300,7 +316,7 @@ fn draw_back(shares: &mut Plane<[f32; 3]>, differences: &Rows, stats: &Statistic
     let difference = pool(&squared, NOISE_NEAR);
     par::rows(shares.data_mut(), w, |y, row| {
         for (x, share) in row.iter_mut().enumerate() {
-            let noise = stats.at(x, y, 1.0, (false, false, false)).least_noise();
+            let noise = stats.at(x, y, false).least_noise();
             let kept = drawn_back(difference.at(x, y, 0), noise, guard);
             let [_, wavelet, steady] = share.map(|v| v * kept);
             *share = [1.0 - (wavelet + steady), wavelet, steady];
@@ -321,7 +337,7 @@ fn part(rows: &Rows, channels: &[usize]) -> Rows {
 }
 
 /// Means over windows of 2 `radius` + 1 pixels, of what lies in the picture.
-fn pool(rows: &Rows, radius: usize) -> Rows {
+pub(crate) fn pool(rows: &Rows, radius: usize) -> Rows {
     let (size, channels) = (rows.size(), rows.channels());
     let Size { width: w, height: h } = size;
     let mut across = Rows::new(size, channels);

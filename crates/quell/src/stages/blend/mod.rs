@@ -5,7 +5,7 @@
 //! |---|---|
 //! | reads | the input, the wavelet's picture and the stabilised one of a frame; input and wavelet's picture of its neighbours, their depth, normals and motion |
 //! | writes | the share of each of the three at every pixel; the expected error of the mixture |
-//! | reach | 6 pixels: windows of 11x11 of differences over 3x3; neighbours in time are those of `stabilise` |
+//! | reach | 10 pixels: windows of 5x5, in them windows of 11x11 of differences over 3x3, relative to means over 5x5; neighbours in time are those of `stabilise` |
 //! | equation | share_k = g(z_k) / sum g(z), g(z) = ((z + sqrt(z^2 + 4)) / 2)^2; z = net([`Inputs`]) |
 //! | source | choice between filtered candidates by estimated error: SURE (Li et al. 2012), Rousselle et al. 2013; by a small net on pooled statistics: ours, `docs/sequence.md` |
 //! | parameters | `blend.*` |
@@ -13,17 +13,17 @@
 //! No other stage asks what its average is worth against what it started from. Here the input itself judges: the differences of
 //! the three pictures, pooled over windows, are compared with the noise of the input, which is found twice: from the changes of
 //! input less wavelet's picture along the surface's motion (a bias that stays cancels), and from its changes between
-//! neighbouring pixels (a smooth bias cancels); it is no more than the changes of the input itself between neighbouring pixels. Differences are taken relative to the local brightness, and given to the net as
-//! logarithms of their ratio to that noise: what it learned at one number of samples holds at others.
+//! neighbouring pixels (a smooth bias cancels); it is no more than the changes of the input itself between neighbouring
+//! pixels. Differences are taken relative to the local brightness, and given to the net as logarithms of their ratio to that
+//! noise, so that it does not depend on exposure.
 //!
-//! The shares steer pictures and passes alike, so that passes add up. With any weights of the net the output tends to the
-//! input as its noise falls: where the mixture lies further from the input than `blend.guard` times the noise explains, it is
-//! drawn back to it. The noise for that is the least of all that is known, that along edges and stripes of the input included: what
-//! changes across them and moves is not taken for noise.
+//! The shares steer pictures and passes alike, so that passes add up. Whatever the net says, a mixture that lies further from
+//! the input than `blend.guard` times the noise explains is drawn back to it. The noise for that is the least of all that is
+//! known, that along edges and stripes of the input included. Fine detail that slides is still counted as noise:
+//! there the output does not reach the input at many samples (docs/limits.md).
 
 #[cfg(feature = "cpu")]
 pub(crate) mod cpu;
-mod net;
 pub mod reference;
 mod weights;
 
@@ -42,8 +42,6 @@ pub struct BlendFrame<'a> {
     pub input: &'a Plane<Rgb>,
     /// The wavelet's picture.
     pub picture: &'a Plane<Rgb>,
-    /// Samples that the mean is worth before the filter over the image.
-    pub samples: &'a Plane<f32>,
 }
 
 /// What the stage makes.
@@ -51,19 +49,19 @@ pub struct BlendFrame<'a> {
 pub struct Blend {
     /// Shares of the input, the wavelet's picture and the stabilised one; they add up to 1.
     pub shares: Plane<[f32; 3]>,
-    /// Expected error of the mixture: root mean square over the channels, in units of the picture.
+    /// Expected error of the mixture that the net wants (not of what `blend.strength` makes of it): root mean square over the
+    /// channels, in units of the picture.
     pub noise: Plane<f32>,
 }
 
 /// What the net reads of a pixel, in this order.
 ///
-/// `log2` of squared differences, relative to the local brightness and, but for the first, to the noise n: n itself; the
-/// noise found over time in windows of 5x5 and 11x11, and over space in the same; input to wavelet, input to stabilised, wavelet to
-/// stabilised in windows of 3x3, the same of 7x7; the detail of the stabilised picture, and of the wavelet's; the squared mean over 5x5 of
-/// input less wavelet, of input less stabilised, and of input less wavelet averaged over the neighbours in time. Then the share of
-/// neighbours in time that show the surface, `log2` of the samples that the mean is worth, and 1 for mirrors, at silhouettes, and in
-/// the sky.
-pub const INPUTS: usize = 21;
+/// `log2` of squared differences over the noise: the noise found over time in windows of 5x5 and 11x11, and over space in the same;
+/// input to wavelet, input to stabilised, wavelet to stabilised in windows of 3x3, the same of 7x7; the detail of the stabilised
+/// picture, and of the wavelet's; the squared mean over 5x5 of input less wavelet, of input less stabilised, and of input less
+/// wavelet averaged over the neighbours in time. Then the share of neighbours in time that show the surface, and 1 at
+/// silhouettes.
+pub const INPUTS: usize = 17;
 /// See [`INPUTS`].
 pub type Inputs = [f32; INPUTS];
 
@@ -82,17 +80,17 @@ pub(crate) const LEAST_BRIGHTNESS: f32 = 1e-12;
 pub(crate) const LEAST_SEEN: f32 = 0.05;
 /// The most that brightness of one surface changes between neighbours in time for its noise to be scaled by it.
 pub(crate) const MOST_CHANGE: f32 = 4.0;
-/// Largest logarithm of a ratio; and of the noise.
+/// Largest logarithm of a ratio.
 pub(crate) const MOST_RATIO: f32 = 12.0;
-pub(crate) const NOISE_RANGE: [f32; 2] = [-20.0, 6.0];
 /// Depths that differ by more than this share are two surfaces.
 pub(crate) const DEPTH_STEP: f32 = 0.1;
 /// Least cosine between normals of one surface in two frames.
 pub(crate) const LEAST_COSINE: f32 = 0.8;
 
-/// How far the stage looks. Frames around are those that `stabilise` holds.
+/// How far the stage looks: the window of what draws back, in it that of the noise, of differences over 3x3, which are relative to a
+/// brightness. Frames around are those that `stabilise` holds.
 pub(crate) fn reach() -> Reach {
-    Reach::around(NOISE_WIDE + 1)
+    Reach::around(NOISE_NEAR + NOISE_WIDE + 1 + NOISE_NEAR)
 }
 
 /// The pixel of `to` that shows what pixel `q` of `from` shows, `at` being its place, which is moved along. `None`: it is lost.
@@ -159,10 +157,7 @@ pub(crate) struct Pooled {
     pub detail: [f32; 2],
     /// Squared means of differences.
     pub mean: [f32; 3],
-    pub samples: f32,
-    pub mirror: bool,
     pub silhouette: bool,
-    pub sky: bool,
 }
 
 impl Pooled {
@@ -188,24 +183,20 @@ impl Pooled {
         let time =
             |k: usize| if self.seen[k] > LEAST_SEEN { self.over_time[k] / self.seen[k] } else { self.over_space[k] };
         let mut out = [0.0; INPUTS];
-        out[0] = of_noise.clamp(NOISE_RANGE[0], NOISE_RANGE[1]);
-        out[1] = ratio(time(0));
-        out[2] = ratio(time(1));
-        out[3] = ratio(self.over_space[0]);
-        out[4] = ratio(self.over_space[1]);
+        out[0] = ratio(time(0));
+        out[1] = ratio(time(1));
+        out[2] = ratio(self.over_space[0]);
+        out[3] = ratio(self.over_space[1]);
         for (k, apart) in self.apart.iter().enumerate() {
-            out[5 + k] = ratio(*apart);
+            out[4 + k] = ratio(*apart);
         }
-        out[11] = ratio(self.detail[0]);
-        out[12] = ratio(self.detail[1]);
+        out[10] = ratio(self.detail[0]);
+        out[11] = ratio(self.detail[1]);
         for (k, mean) in self.mean.iter().enumerate() {
-            out[13 + k] = ratio(*mean);
+            out[12 + k] = ratio(*mean);
         }
-        out[16] = self.seen[0];
-        out[17] = log2(self.samples.max(1.0));
-        out[18] = f32::from(u8::from(self.mirror));
-        out[19] = f32::from(u8::from(self.silhouette));
-        out[20] = f32::from(u8::from(self.sky));
+        out[15] = self.seen[0];
+        out[16] = f32::from(u8::from(self.silhouette));
         out
     }
 }
@@ -217,7 +208,7 @@ pub(crate) fn shares(pooled: &Pooled, s: &Settings) -> ([f32; 3], f32) {
         return by_thresholds(pooled, s);
     }
     let strength = s.strength;
-    let z = net::run(&pooled.inputs());
+    let z = weights::NET.run(&pooled.inputs());
     let g = |z: f32| {
         let half = 0.5 * (z + (z * z + 4.0).sqrt());
         half * half
@@ -231,25 +222,34 @@ pub(crate) fn shares(pooled: &Pooled, s: &Settings) -> ([f32; 3], f32) {
     ([1.0 - (wavelet + steady), wavelet, steady], exp2(z[3]))
 }
 
+/// Without the net: share of the noise that a filtered picture is believed to be rid of.
+const REMOVED: f32 = 0.9;
+
 /// Acceptance by steps, made by hand: the wavelet's picture, then the stabilised one, is taken where its squared distance from
 /// the input is explained by the noise.
 #[inline(always)]
 fn by_thresholds(pooled: &Pooled, s: &Settings) -> ([f32; 3], f32) {
     let noise = pooled.noise(0);
-    let accepted = |apart: f32| (1.0 - (apart / noise - 1.0 - s.excess) / s.softness).clamp(0.0, 1.0);
+    let accepted = |apart: f32| {
+        let excess = apart / noise - 1.0 - s.excess;
+        if excess < s.softness { (1.0 - excess / s.softness).min(1.0) } else { 0.0 }
+    };
     let first = s.strength.min(1.0) * accepted(pooled.apart[0]);
     let second = accepted(pooled.apart[1]);
     let (wavelet, steady) = (first * (1.0 - second), first * second);
-    ([1.0 - (wavelet + steady), wavelet, steady], 1.0 - 0.9 * first)
+    ([1.0 - (wavelet + steady), wavelet, steady], 1.0 - REMOVED * first)
 }
 
 /// What draws a mixture back to the input that lies further from it than the noise explains: the factor of its difference, 1 up to
 /// `guard` times the noise, 0 from twice that.
 #[inline(always)]
 pub(crate) fn drawn_back(difference: f32, noise: f32, guard: f32) -> f32 {
-    (2.0 - difference / (guard * noise)).clamp(0.0, 1.0)
+    // NaN, of infinities, is no agreement.
+    if difference < 2.0 * guard * noise { (2.0 - difference / (guard * noise)).min(1.0) } else { 0.0 }
 }
 
+/// What is left of white noise's variance less its mean over 3x3, binomial.
+pub(crate) const HIGH_PASS: f32 = 41.0 / 64.0;
 /// Steps to the neighbours of the second differences, and of their mirror images.
 pub(crate) const DIRECTIONS: [[isize; 2]; 4] = [[1, 0], [0, 1], [1, 1], [1, -1]];
 /// Variance of the second difference a - 2 b + c of independent values of variance 1.

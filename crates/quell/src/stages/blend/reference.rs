@@ -1,8 +1,8 @@
 //! The specification of `blend`.
 
 use super::{
-    Blend, BlendFrame, DIRECTIONS, FRAMES, LEAST_BRIGHTNESS, MOST_CHANGE, NEAR, NOISE_NEAR, NOISE_WIDE, Pooled,
-    SECOND_DIFFERENCE, WIDE, drawn_back, follow, shares, silhouette,
+    Blend, BlendFrame, DIRECTIONS, FRAMES, HIGH_PASS, LEAST_BRIGHTNESS, MOST_CHANGE, NEAR, NOISE_NEAR, NOISE_WIDE,
+    Pooled, SECOND_DIFFERENCE, WIDE, drawn_back, follow, shares, silhouette,
 };
 use crate::frame::Rgb;
 use crate::plane::Plane;
@@ -19,9 +19,44 @@ pub fn run(
     let here = &window[centre];
     let size = here.input.size();
     let (w, h) = (size.width, size.height);
+    let (pooled, brightness) = pooled(window, centre, steady, (gather, stabilise));
+    let relative = |a: &Plane<Rgb>, b: &Plane<Rgb>, x: usize, y: usize| -> [f64; 3] {
+        [0, 1, 2].map(|c| (f64::from(a.at(x, y)[c]) - f64::from(b.at(x, y)[c])) / brightness.at(x, y))
+    };
+    let wavelet = Plane::from_fn(size, |x, y| relative(here.input, here.picture, x, y));
+    let stabilised = Plane::from_fn(size, |x, y| relative(here.input, steady, x, y));
+    let squared = |v: [f64; 3]| v.iter().map(|v| v * v).sum::<f64>();
+    let wanted = Plane::from_fn(size, |x, y| shares(&pooled.at(x, y), s));
+    let moved = |x: usize, y: usize| {
+        let [_, a, b] = wanted.at(x, y).0.map(f64::from);
+        squared([0, 1, 2].map(|c| a * wavelet.at(x, y)[c] + b * stabilised.at(x, y)[c]))
+    };
+    let shares = Plane::from_fn(size, |x, y| {
+        let difference = mean(w, h, (x, y), NOISE_NEAR, moved) as f32;
+        let kept = drawn_back(difference, pooled.at(x, y).least_noise(), s.guard);
+        let [_, wavelet, steady] = wanted.at(x, y).0.map(|v| v * kept);
+        [1.0 - (wavelet + steady), wavelet, steady]
+    });
+    let noise = Plane::from_fn(size, |x, y| {
+        let expected = wanted.at(x, y).1 * pooled.at(x, y).noise(1) / 3.0;
+        (f64::from(expected).sqrt() * brightness.at(x, y)) as f32
+    });
+    Blend { shares, noise }
+}
+
+/// What is known of the noise at every pixel, and the brightness that it is relative to.
+pub(crate) fn pooled(
+    window: &[BlendFrame<'_>],
+    centre: usize,
+    steady: &Plane<Rgb>,
+    (gather, stabilise): (&Gather, &Stabilise),
+) -> (Plane<Pooled>, Plane<f64>) {
+    let here = &window[centre];
+    let size = here.input.size();
+    let (w, h) = (size.width, size.height);
     let grey = |c: Rgb| f64::from(c[0] + c[1] + c[2]) / 3.0;
     let brightness = Plane::from_fn(size, |x, y| {
-        mean(w, h, (x, y), NOISE_NEAR, |x, y| 0.5 * (grey(here.picture.at(x, y)) + grey(steady.at(x, y))))
+        mean(w, h, (x, y), NOISE_NEAR, |x, y| 0.5 * (grey(here.picture.at(x, y)) + grey(steady.at(x, y)))).max(0.0)
             + f64::from(LEAST_BRIGHTNESS)
     });
     let relative = |a: &Plane<Rgb>, b: &Plane<Rgb>, x: usize, y: usize| -> [f64; 3] {
@@ -38,7 +73,7 @@ pub fn run(
         let signed = |plane: &dyn Fn(usize, usize) -> [f64; 3]| {
             squared([0, 1, 2].map(|c| mean(w, h, (x, y), NOISE_NEAR, |x, y| plane(x, y)[c]))) as f32
         };
-        let space = |x: usize, y: usize| high(x, y, &|x, y| wavelet.at(x, y)) / (41.0 / 64.0);
+        let space = |x: usize, y: usize| high(x, y, &|x, y| wavelet.at(x, y)) / f64::from(HIGH_PASS);
         let detail = |picture: &Plane<Rgb>, x: usize, y: usize| {
             high(x, y, &|x, y| picture.at(x, y).map(f64::from)) / brightness.at(x, y).powi(2)
         };
@@ -60,12 +95,11 @@ pub fn run(
                     / f64::from(SECOND_DIFFERENCE)
             })
         };
-        let p = y * w + x;
         Pooled {
             over_time: [NOISE_NEAR, NOISE_WIDE].map(|r| pool(r, &|x, y| time.at(x, y).change)),
             seen: [NOISE_NEAR, NOISE_WIDE].map(|r| pool(r, &|x, y| time.at(x, y).seen)),
             over_space: [NOISE_NEAR, NOISE_WIDE].map(|r| pool(r, &space)),
-            input: [NOISE_NEAR, NOISE_WIDE].map(|r| pool(r, &|x, y| detail(here.input, x, y) / (41.0 / 64.0))),
+            input: [NOISE_NEAR, NOISE_WIDE].map(|r| pool(r, &|x, y| detail(here.input, x, y) / f64::from(HIGH_PASS))),
             along: (DIRECTIONS.into_iter())
                 .flat_map(|d| [second(&|x, y| wavelet.at(x, y), d), input_second(d)])
                 .fold(f32::MAX, f32::min),
@@ -83,28 +117,10 @@ pub fn run(
                 signed(&|x, y| stabilised.at(x, y)),
                 signed(&|x, y| time.at(x, y).mean),
             ],
-            samples: here.samples.at(x, y),
-            mirror: here.features.is_mirror(p),
             silhouette: silhouette(here.features, x, y, stabilise.nearer),
-            sky: here.features.surface[p].inverse_depth == 0.0,
         }
     });
-    let wanted = Plane::from_fn(size, |x, y| shares(&pooled.at(x, y), s));
-    let moved = |x: usize, y: usize| {
-        let [_, a, b] = wanted.at(x, y).0.map(f64::from);
-        squared([0, 1, 2].map(|c| a * wavelet.at(x, y)[c] + b * stabilised.at(x, y)[c]))
-    };
-    let shares = Plane::from_fn(size, |x, y| {
-        let difference = mean(w, h, (x, y), NOISE_NEAR, moved) as f32;
-        let kept = drawn_back(difference, pooled.at(x, y).least_noise(), s.guard);
-        let [_, wavelet, steady] = wanted.at(x, y).0.map(|v| v * kept);
-        [1.0 - (wavelet + steady), wavelet, steady]
-    });
-    let noise = Plane::from_fn(size, |x, y| {
-        let expected = wanted.at(x, y).1 * pooled.at(x, y).noise(1) / 3.0;
-        (f64::from(expected).sqrt() * brightness.at(x, y)) as f32
-    });
-    Blend { shares, noise }
+    (pooled, brightness)
 }
 
 /// What the trajectory of a pixel says of its noise, relative to the brightness.

@@ -93,7 +93,7 @@ impl Neighbourhood<'_> {
 }
 
 /// A pixel's silhouette on its trajectory through the frames.
-struct Track<'a> {
+pub(super) struct Track<'a> {
     here: &'a Features,
     pixel: usize,
     settings: &'a Stabilise,
@@ -101,12 +101,12 @@ struct Track<'a> {
     origin: (f32, f32),
     /// Rows that the trajectory may lead up or down.
     farthest: f32,
-    at: (f32, f32),
+    pub(super) at: (f32, f32),
     front: Front,
 }
 
 impl<'a> Track<'a> {
-    fn new(here: &'a Features, x: usize, y: usize, gather: &Gather, settings: &'a Stabilise) -> Self {
+    pub(super) fn new(here: &'a Features, x: usize, y: usize, gather: &Gather, settings: &'a Stabilise) -> Self {
         let pixel = y * here.size.width + x;
         // A band counts rows as the whole picture does: sums of floats are the same.
         let origin = ((x as f32), (here.first_row + y) as f32);
@@ -123,7 +123,7 @@ impl<'a> Track<'a> {
     }
 
     /// Goes one frame further; the weight of what is there. `None`: it is lost.
-    fn step(&mut self, from: &Features, to: &Features, forward: bool) -> Option<f32> {
+    pub(super) fn step(&mut self, from: &Features, to: &Features, forward: bool) -> Option<f32> {
         // What a mirror or a glass shows has its own motion; where that is unsure, the surface's counts, unless both
         // differ.
         let along = |reflected: bool| {

@@ -17,13 +17,17 @@
 #[cfg(feature = "cpu")]
 pub(crate) mod cpu;
 #[cfg(feature = "cpu")]
+pub(crate) mod joint;
+#[cfg(feature = "cpu")]
 pub(crate) mod likeness;
 pub mod reference;
+mod weights;
 
 use crate::frame::Rgb;
 use crate::plane::Plane;
 use crate::reach::Reach;
 use crate::sequence::settings::Stabilise;
+use crate::stages::blend::{self, BlendFrame, Pooled, exp2};
 use crate::window::Features;
 
 /// What a filtered picture shows without its noise: by it a neighbour in time counts. Made once a frame.
@@ -47,10 +51,20 @@ pub struct StabiliseFrame<'a> {
     pub features: &'a Features,
     /// The filtered picture, scene-linear.
     pub picture: &'a Plane<Rgb>,
-    /// What it shows without its noise; `None`: neighbours count whatever they show.
+    /// The same as it came.
+    pub input: &'a Plane<Rgb>,
+    /// What it shows without its noise, for the form made by hand; `None`: neighbours count whatever they show.
     pub likeness: Option<&'a Likeness>,
+    /// What pixels are compared by, for the net's form.
+    pub signature: Option<&'a Plane<Signature>>,
     /// Coverage, 0..1.
     pub alpha: Option<&'a Plane<f32>>,
+}
+
+impl<'a> From<&StabiliseFrame<'a>> for BlendFrame<'a> {
+    fn from(frame: &StabiliseFrame<'a>) -> Self {
+        Self { features: frame.features, input: frame.input, picture: frame.picture }
+    }
 }
 
 /// Squared difference of the tone-mapped colours that mirrors or glass show around two pixels.
@@ -60,6 +74,116 @@ pub(crate) fn seen_difference(here: &Features, p: usize, other: &Features, q: us
     (0..3).map(|c| (a[c] - b[c]).powi(2)).sum()
 }
 
+/// How many numbers the net's form compares two pixels by.
+pub const SIGNATURE: usize = 12;
+/// What the net's form compares two pixels by, three numbers each: the picture smoothed by a binomial 3x3; its mean over 5x5 (of the
+/// pixel that is averaged, the input's mean: an independent judge); of the albedo and of the normal seen there the means over 3x3,
+/// since those of a pixel are as noisy as its light where surfaces mix.
+pub type Signature = [f32; SIGNATURE];
+/// Where the mean over 5x5 lies.
+pub(crate) const INPUT: std::ops::Range<usize> = 3..6;
+/// Parts of a signature that have a bandwidth each.
+pub(crate) const PARTS: usize = SIGNATURE / 3;
+/// Half the side of the window whose mean is compared.
+pub(crate) const WIDE: usize = 2;
+/// Half the side of the window of taps in the frame itself, and in other frames.
+pub(crate) const TAPS_AROUND: usize = 2;
+pub(crate) const TAPS_IN_TIME: usize = 1;
+/// Relative squared deviations below this are no noise.
+const LEAST_DEVIATION: f32 = 1e-7;
+/// Largest logarithm of a bandwidth.
+const MOST: f32 = 20.0;
+
+/// Taps of a pixel, itself included.
+#[cfg(feature = "internals")]
+pub(crate) fn taps(s: &Stabilise) -> usize {
+    (2 * TAPS_AROUND + 1).pow(2) + 2 * s.frames as usize * (2 * TAPS_IN_TIME + 1).pow(2)
+}
+
+/// The normal of pixel `p` whose mean over 3x3 a signature holds: that seen in mirrors, else the surface's.
+#[inline(always)]
+pub(crate) fn normal_at(features: &Features, p: usize) -> [f32; 3] {
+    match (&features.seen, features.has_seen[1]) {
+        (Some(seen), true) => seen.at(1, p),
+        _ => features.surface[p].normal,
+    }
+}
+
+/// The mean over 3x3 of the albedo seen there, tone-mapped; 0 where it is unknown.
+#[inline(always)]
+pub(crate) fn albedo_around(features: &Features, p: usize) -> Rgb {
+    features.seen_around.as_ref().map_or([0.0; 3], |seen| seen.at(0, p))
+}
+
+/// Squared differences, part by part.
+#[cfg(feature = "internals")]
+pub(crate) fn parts(a: &Signature, b: &Signature) -> [f32; PARTS] {
+    let part = |k: usize| (3 * k..3 * k + 3).map(|i| (a[i] - b[i]) * (a[i] - b[i])).sum();
+    [part(0), part(1), part(2), part(3)]
+}
+
+/// By what the squared differences of a signature are multiplied, and squared distances and frames between; for taps of the frame
+/// itself, then for those of others. `log2` of a weight is the negative sum.
+pub(crate) struct Bandwidths {
+    signature: [Signature; 2],
+    offset: [f32; 2],
+    away: f32,
+}
+
+/// The bandwidths that the net gives a pixel.
+#[inline(always)]
+pub(crate) fn bandwidths((pooled, inverse): &(Pooled, f32)) -> Bandwidths {
+    let inputs = pooled.inputs();
+    let z = weights::NET.run(&READ.map(|k| inputs[k])).map(|z| exp2(z.clamp(-MOST, MOST)));
+    let deviation = |relative: f32| inverse * inverse / (relative + LEAST_DEVIATION);
+    let (fine, noise) = (deviation(pooled.detail[1]), deviation(pooled.noise(1)));
+    let signature = [0, 1].map(|group: usize| {
+        let z = &z[group * (PARTS + 1)..];
+        let mut scale = [0.0; SIGNATURE];
+        for (i, scale) in scale.iter_mut().enumerate() {
+            let part = i / 3;
+            *scale = z[part]
+                * if part == 0 {
+                    fine
+                } else if part == 1 {
+                    noise
+                } else {
+                    1.0
+                };
+        }
+        scale
+    });
+    Bandwidths { signature, offset: [z[PARTS], z[2 * PARTS + 1]], away: z[2 * PARTS + 2] }
+}
+
+/// Which of [`blend`](crate::stages::blend)'s statistics the net reads: those that do not ask for a stabilised picture.
+const READ: [usize; 11] = [0, 1, 2, 3, 4, 7, 11, 12, 14, 15, 16];
+/// What the net gives: a bandwidth for every part and the distance, twice, and one for frames between.
+const OUTPUTS: usize = 2 * (PARTS + 1) + 1;
+
+/// Sum of squared differences times `scale`, in a fixed order.
+#[inline(always)]
+pub(crate) fn distance(a: &Signature, b: &Signature, scale: &Signature) -> f32 {
+    let mut p = [0.0f32; SIGNATURE];
+    for k in 0..SIGNATURE {
+        let d = a[k] - b[k];
+        p[k] = scale[k] * (d * d);
+    }
+    let mut q = [0.0f32; 4];
+    for k in 0..4 {
+        q[k] = p[k] + p[k + 4] + p[k + 8];
+    }
+    (q[0] + q[2]) + (q[1] + q[3])
+}
+
+/// The weight of a tap.
+#[inline(always)]
+pub(crate) fn tap_weight(b: &Bandwidths, own: &Signature, (signature, offset, away): (&Signature, f32, usize)) -> f32 {
+    let group = usize::from(away > 0);
+    let between = if away > 0 { b.away * (away - 1) as f32 } else { 0.0 };
+    exp2(-(distance(own, signature, &b.signature[group]) + b.offset[group] * offset + between))
+}
+
 /// Pixels read within a frame: the cubic, the range in 3x3, what is in front in 3x3 before and after motion.
 const WINDOW: usize = 3 + 1 + 2;
 /// Rows that rounding adds where motion leads.
@@ -67,5 +191,6 @@ const FOOTPRINT: usize = 2;
 
 /// How far the stage looks.
 pub(crate) fn reach(s: &Stabilise) -> Reach {
-    Reach { frames: s.frames, footprint: FOOTPRINT, ..Reach::around(WINDOW) }
+    let pixels = if s.net { WINDOW.max(blend::reach().pixels[0]) } else { WINDOW };
+    Reach { frames: s.frames, footprint: FOOTPRINT, ..Reach::around(pixels) }
 }

@@ -1,10 +1,14 @@
 //! The specification of `stabilise`.
 
-use super::{LEAST_NOISE, Likeness, POOL, StabiliseFrame, seen_difference};
+use super::{
+    INPUT, LEAST_NOISE, Likeness, POOL, SIGNATURE, Signature, StabiliseFrame, TAPS_AROUND, TAPS_IN_TIME, WIDE,
+    albedo_around, bandwidths, normal_at, seen_difference, tap_weight,
+};
 use crate::frame::Rgb;
 use crate::kernels::guide_distance::weight;
-use crate::plane::Plane;
+use crate::plane::{Plane, Size};
 use crate::sequence::settings::{Gather, Stabilise};
+use crate::stages::blend::{self, BlendFrame};
 use crate::window::Features;
 
 /// Runs the stage for `window[centre]` on the whole image. Coverage is averaged where all frames have it, stays where this
@@ -15,6 +19,9 @@ pub fn run(
     gather: &Gather,
     s: &Stabilise,
 ) -> (Plane<Rgb>, Option<Plane<f32>>) {
+    if s.net {
+        return joint(window, centre, gather, s);
+    }
     let here = &window[centre];
     let (w, h) = (here.picture.size().width, here.picture.size().height);
     let (mut picture, mut alpha) = (here.picture.clone(), here.alpha.cloned());
@@ -44,6 +51,94 @@ pub fn run(
         }
     }
     (picture, alpha)
+}
+
+/// The net's form: every pixel averaged with those of its own frame and of others whose signatures are near.
+fn joint(
+    window: &[StabiliseFrame<'_>],
+    centre: usize,
+    gather: &Gather,
+    s: &Stabilise,
+) -> (Plane<Rgb>, Option<Plane<f32>>) {
+    let here = &window[centre];
+    let (w, h) = (here.picture.size().width, here.picture.size().height);
+    let frames: Vec<_> = window.iter().map(BlendFrame::from).collect();
+    let (pooled, brightness) = blend::reference::pooled(&frames, centre, here.picture, (gather, s));
+    let every_alpha = window.iter().all(|frame| frame.alpha.is_some());
+    let (mut picture, mut alpha) = (here.picture.clone(), here.alpha.cloned());
+    for (x, y) in (0..h).flat_map(|y| (0..w).map(move |x| (x, y))) {
+        let bandwidths = bandwidths(&(pooled.at(x, y), 1.0 / brightness.at(x, y) as f32));
+        let mut own = here.signature.map_or([0.0; SIGNATURE], |signature| signature.at(x, y));
+        let judge = window_mean(here.input.size(), WIDE, (x, y), |q| here.input.data()[q]);
+        own[INPUT].copy_from_slice(&judge.map(|v| v as f32));
+        // (frame, place in it where the pixel is shown, half the side of the window, frames between)
+        let mut places = vec![(centre, [x as f32, (here.features.first_row + y) as f32], TAPS_AROUND, 0)];
+        let visits = visits(window, centre, (x, y), gather, s);
+        places.extend(visits.iter().map(|v| (v.frame, v.at, TAPS_IN_TIME, v.frame.abs_diff(centre))));
+        let (mut sum, mut total) = ([0.0f64; 4], 0.0f64);
+        for (frame, at, radius, away) in places {
+            let other = &window[frame];
+            let Some(signatures) = other.signature else { continue };
+            let (column, row) = (at[0].round() as isize, at[1].round() as isize);
+            let r = radius as isize;
+            for (qx, qy) in (row - r..=row + r).flat_map(|qy| (column - r..=column + r).map(move |qx| (qx, qy))) {
+                let Some(here_row) = other.features.row_here(qy).filter(|_| qx >= 0 && qx < w as isize) else {
+                    continue;
+                };
+                let q = here_row * w + qx as usize;
+                let offset = (qx as f32 - at[0]).powi(2) + (qy as f32 - at[1]).powi(2);
+                let itself = frame == centre && q == y * w + x;
+                let tap = (&signatures.data()[q], offset, away);
+                let weight = if itself { 1.0 } else { f64::from(tap_weight(&bandwidths, &own, tap)) };
+                for c in 0..3 {
+                    sum[c] += weight * f64::from(other.picture.data()[q][c]);
+                }
+                sum[3] += weight * other.alpha.map_or(0.0, |alpha| f64::from(alpha.data()[q]));
+                total += weight;
+            }
+        }
+        picture.data_mut()[y * w + x] = [0, 1, 2].map(|c| (sum[c] / total) as f32);
+        if let Some(alpha) = alpha.as_mut().filter(|_| every_alpha) {
+            alpha.data_mut()[y * w + x] = (sum[3] / total) as f32;
+        }
+    }
+    (picture, alpha)
+}
+
+/// What the net's form compares pixels by.
+pub fn signature(features: &Features, picture: &Plane<Rgb>) -> Plane<Signature> {
+    let size = picture.size();
+    let clamped = |v: usize, d: isize, extent: usize| (v as isize + d).clamp(0, extent as isize - 1) as usize;
+    Plane::from_fn(size, |x, y| {
+        let mut near = [0.0f64; 3];
+        for (dx, dy) in (-1..=1isize).flat_map(|dy| (-1..=1isize).map(move |dx| (dx, dy))) {
+            let share = (2 - dx.abs()) * (2 - dy.abs());
+            let colour = picture.at(clamped(x, dx, size.width), clamped(y, dy, size.height));
+            for c in 0..3 {
+                near[c] += share as f64 / 16.0 * f64::from(colour[c]);
+            }
+        }
+        let wide = window_mean(size, WIDE, (x, y), |q| picture.data()[q]);
+        let albedo = albedo_around(features, y * size.width + x).map(f64::from);
+        let normal = window_mean(size, 1, (x, y), |q| normal_at(features, q));
+        let parts = [near, wide, albedo, normal];
+        std::array::from_fn(|i| parts[i / 3][i % 3] as f32)
+    })
+}
+
+/// Mean over the pixels that lie in the picture and in a window of 2 `radius` + 1.
+fn window_mean(size: Size, radius: usize, (x, y): (usize, usize), value: impl Fn(usize) -> [f32; 3]) -> [f64; 3] {
+    let (mut sum, mut n) = ([0.0f64; 3], 0.0);
+    for qy in y.saturating_sub(radius)..(y + radius + 1).min(size.height) {
+        for qx in x.saturating_sub(radius)..(x + radius + 1).min(size.width) {
+            let v = value(qy * size.width + qx);
+            for c in 0..3 {
+                sum[c] += f64::from(v[c]);
+            }
+            n += 1.0;
+        }
+    }
+    sum.map(|v| v / n)
 }
 
 /// What a filtered picture shows without its noise, and how far that may be off. `raw`: the picture as it came.

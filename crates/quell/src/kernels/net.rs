@@ -1,0 +1,31 @@
+//! A small net: two hidden layers of rectified linear units.
+
+/// Weights of a net of `I` inputs, `H` and `G` hidden units and `O` outputs, as `benchmarks/nets` writes them: a row for each of
+/// what a layer reads, then what it adds.
+#[derive(Debug)]
+pub(crate) struct Net<const I: usize, const H: usize, const G: usize, const O: usize> {
+    pub first: ([[f32; H]; I], [f32; H]),
+    pub second: ([[f32; G]; H], [f32; G]),
+    pub third: ([[f32; O]; G], [f32; O]),
+}
+
+impl<const I: usize, const H: usize, const G: usize, const O: usize> Net<I, H, G, O> {
+    /// The outputs. Sums are taken in the order of the inputs, so that every instruction set gives the same bits.
+    #[inline(always)]
+    pub(crate) fn run(&self, inputs: &[f32; I]) -> [f32; O] {
+        let first = layer(&self.first, inputs).map(|v| v.max(0.0));
+        let second = layer(&self.second, &first).map(|v| v.max(0.0));
+        layer(&self.third, &second)
+    }
+}
+
+#[inline(always)]
+fn layer<const I: usize, const O: usize>((weights, bias): &([[f32; O]; I], [f32; O]), inputs: &[f32; I]) -> [f32; O] {
+    let mut out = *bias;
+    for i in 0..I {
+        for k in 0..O {
+            out[k] += weights[i][k] * inputs[i];
+        }
+    }
+    out
+}
