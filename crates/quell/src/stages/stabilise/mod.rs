@@ -1,18 +1,30 @@
-//! Sequence filter: a picture averaged with its neighbours in time, each fetched along the motion of what is in
-//! front and limited to the picture's own range in 3x3.
+//! Sequence filter: a picture averaged over space and time by a cross-bilateral filter, whose bandwidths a small net gives.
 //!
 //! | | |
 //! |---|---|
-//! | reads | filtered pictures, the same as they came, and coverage of the frames around, their depth, motion and mirrors |
+//! | reads | filtered pictures, the same as they came, and coverage of the frames around, their depth, motion, and what mirrors show |
 //! | writes | the steadier picture, and its coverage |
-//! | reach | `stabilise.frames` frames before and after; 6 pixels in a frame: 3 of the cubic, 1 of the range, 2 of what is in front before and after motion; 2 rows where motion is rounded |
+//! | reach | `stabilise.frames` frames before and after; 10 pixels in a frame: the windows of the statistics that the net reads, as in `blend`; 2 rows where motion is rounded |
+//! | equation | out_p = sum_q w_q c_q / sum_q w_q; log2 w_q = -(sum_i b_i \|f_i(p) - f_i(q)\|^2 + b_d d^2 + b_t (t - 1)); w_p = 1 |
+//! | q | 5x5 pixels of the frame, 3x3 of each of the others around the place where the motion of what is in front leads (d: distance from it, t: frames between) |
+//! | f | [`Signature`]; b: [`Bandwidths`], of the net |
+//! | source | bandwidths of a cross-bilateral filter from a net on local statistics: Kalantari et al. 2015; over time, with statistics of the noise: ours, `docs/sequence.md` |
+//! | parameters | `stabilise.*`, `gather.travel`, `gather.future` |
+//!
+//! So pixels that mix surfaces (wires, leaves, silhouettes) are averaged along themselves, where no feature buffer of a single surface
+//! leads, and what the wavelet decided differently from frame to frame evens out.
+//!
+//! Without the net (`stabilise.net=off`) neighbours in time alone are averaged, each fetched along the motion of what is in front by
+//! a cubic and limited to the picture's own range in 3x3. It reaches 6 pixels: 3 of the cubic, 1 of the range, 2 of what is in front
+//! before and after motion.
+//!
+//! | | |
+//! |---|---|
 //! | equation | out = (c + sum_k w_k clamp(c_k, low, high)) / (1 + sum_k w_k), w_k = decay^(k - 1) * likeness of what a mirror shows * t / (t + \|G - G_k\|^2) |
 //! | t | sum over both pictures of min(`likeness` v, `residue` n (n / (n + (`low_noise` G)^2))^2); G: binomial 3x3 of the median in 3x3; v: mean over 3x3 of \|P - binomial P\|^2; n: mean over 5x5 of \|P - P as it came\|^2 |
 //! | source | temporal anti-aliasing (Karis 2014) with both neighbours in time; ours: `docs/sequence.md` |
-//! | parameters | `stabilise.*`, `gather.travel`, `gather.future` |
 //!
 //! A neighbour counts where it shows the same. How far it may differ shrinks with the noise that the frame came with.
-//! Silhouettes gain samples, and what the wavelet decided differently from frame to frame evens out.
 
 #[cfg(feature = "cpu")]
 pub(crate) mod cpu;
