@@ -7,7 +7,7 @@
 //! | reach | `stabilise.frames` frames before and after; 10 pixels in a frame: the windows of the statistics that the net reads, as in `blend`; 2 rows where motion is rounded |
 //! | equation | out_p = sum_q w_q c_q / sum_q w_q; log2 w_q = -(sum_i b_i \|f_i(p) - f_i(q)\|^2 + b_d d^2 + b_t (t - 1)); w_p = 1 |
 //! | q | 5x5 pixels of the frame, 3x3 of each of the others around the place where the motion of what is in front leads (d: distance from it, t: frames between) |
-//! | f | [`Signature`]; b: [`Bandwidths`], of the net |
+//! | f | `Signature`; b: `Bandwidths`, of the net |
 //! | source | bandwidths of a cross-bilateral filter from a net on local statistics: Kalantari et al. 2015; over time, with statistics of the noise: ours, `docs/sequence.md` |
 //! | parameters | `stabilise.*`, `gather.travel`, `gather.future` |
 //!
