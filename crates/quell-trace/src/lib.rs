@@ -11,7 +11,7 @@
 //! lights/, environment/, sources.rs  everything that emits, sampled by importance
 //! sampler.rs, warp.rs             low-discrepancy numbers; maps from the unit square
 //! primary.rs      primary surface replacement through glass and mirrors
-//! integrator.rs, tracer.rs        light transport; the frame's planes and references
+//! integrator.rs, tracer/          light transport; the frame's planes and references
 //! ```
 //!
 //! `scene_hash` names scene, tracer and options: it keys the cache of references and the frames that come with the demo.
