@@ -58,6 +58,11 @@ impl Choice {
         self.found().map_or(self.asked.name(), |chosen| chosen.backend.name())
     }
 
+    /// Whether it was `gpu` that was asked for, not whatever there is.
+    pub fn asks_for_gpu(&self) -> bool {
+        self.asked == BackendChoice::Gpu
+    }
+
     /// For commands whose results must not depend on the machine unless a GPU was asked for.
     pub fn prefers_cpu(&self) {
         if self.asked == BackendChoice::Auto && self.device.is_none() {

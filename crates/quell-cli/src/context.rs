@@ -1,6 +1,7 @@
 //! What a command runs on: settings, back end, where messages go, what is reported.
 
 use crate::args::Common;
+use crate::args::values::TracerChoice;
 use crate::backend::Choice;
 use crate::failure::Failure;
 use crate::output;
@@ -9,6 +10,7 @@ use quell::settings::PARAMETERS;
 use quell::{Preset, Settings};
 use quell_lab::backend::Backend;
 use quell_lab::report::Report;
+use quell_lab::tracer::TraceOn;
 use serde_json::{Map, Value};
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
@@ -26,6 +28,7 @@ pub struct Context {
     pub settings: Settings,
     pub preset: Preset,
     choice: Choice,
+    tracer: Option<TracerChoice>,
     /// The command line as it was typed.
     pub command: String,
     /// The file that holds this program.
@@ -57,6 +60,7 @@ impl Context {
             settings,
             preset,
             choice: Choice::new(common.backend, common.device.clone())?,
+            tracer: common.tracer,
             command: command_line(&common.arguments),
             program: common.program.clone(),
         })
@@ -112,6 +116,28 @@ impl Context {
             self.detail(&format!("back end: {}{on} ({})", backend.name(), chosen.why));
         }
         Ok(&chosen.backend)
+    }
+
+    /// What traces frames and references: the CPU, unless a GPU is asked for by name. `auto` gives the same bits on every
+    /// machine, and a GPU in software traces several times slower than the CPU does.
+    pub fn tracer(&self) -> Result<TraceOn, Failure> {
+        let on = match self.tracer {
+            Some(TracerChoice::Cpu) => TraceOn::Cpu,
+            Some(TracerChoice::Gpu) => match TraceOn::backend(self.backend()?) {
+                TraceOn::Cpu => {
+                    let why = self.choice.found().map_or("", |chosen| &chosen.why);
+                    return Err(Failure::Usage(format!(
+                        "--tracer gpu needs a GPU, and the back end is the CPU ({why})"
+                    )));
+                }
+                #[cfg(feature = "gpu")]
+                on @ TraceOn::Gpu(..) => on,
+            },
+            None if self.choice.asks_for_gpu() && !self.backend()?.is_software() => TraceOn::backend(self.backend()?),
+            None => TraceOn::Cpu,
+        };
+        self.detail(&format!("tracer: {}", on.name()));
+        Ok(on)
     }
 
     /// No GPU unless one is asked for.

@@ -110,6 +110,7 @@ impl From<quell_lab::Error> for Failure {
         match error {
             quell_lab::Error::UnknownMethod { .. } => Self::Usage(error.to_string()),
             quell_lab::Error::Quell(error) => error.into(),
+            quell_lab::Error::Trace(error) => error.into(),
             #[cfg(feature = "gpu")]
             quell_lab::Error::Gpu(error) => gpu(error),
             error => Self::Failed(error.to_string()),

@@ -32,6 +32,11 @@ impl Adapter {
         Self { name: info.name.clone(), kind: info.device_type, driver }
     }
 
+    /// Whether it runs on the CPU.
+    pub fn is_software(&self) -> bool {
+        self.kind == DeviceType::Cpu
+    }
+
     /// Discrete, integrated and so on, in words.
     pub const fn kind_name(&self) -> &'static str {
         match self.kind {

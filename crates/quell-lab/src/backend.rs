@@ -70,6 +70,15 @@ impl Backend {
         }
     }
 
+    /// Whether it is a GPU in software, which runs on the CPU.
+    pub fn is_software(&self) -> bool {
+        match self {
+            Self::Cpu(_) => false,
+            #[cfg(feature = "gpu")]
+            Self::Gpu(gpu) => gpu.adapter().is_software(),
+        }
+    }
+
     /// Gigabytes a second that copying reaches on a GPU; `None`: it is the CPU.
     ///
     /// # Errors

@@ -65,12 +65,26 @@ pub enum Error {
     #[cfg(feature = "gpu")]
     #[error(transparent)]
     Gpu(#[from] quell_host::Error),
+    /// The tracer on the GPU.
+    #[cfg(feature = "gpu")]
+    #[error(transparent)]
+    GpuTracer(quell_trace::gpu::GpuError),
     /// Tracing failed or was stopped.
     #[error(transparent)]
     Trace(#[from] quell_trace::TraceError),
     /// Reading or writing a file failed; names the file.
     #[error(transparent)]
     File(#[from] quell_frames::Error),
+}
+
+#[cfg(feature = "gpu")]
+impl From<quell_trace::gpu::GpuError> for Error {
+    fn from(error: quell_trace::gpu::GpuError) -> Self {
+        match error {
+            quell_trace::gpu::GpuError::Trace(error) => Self::Trace(error),
+            error => Self::GpuTracer(error),
+        }
+    }
 }
 
 impl Error {

@@ -9,6 +9,7 @@
 //! tone.rs        the one tone curve of every picture that is looked at, and PNG
 //! report/        the JSON report, the table in the terminal, the player page, the animated strip
 //! backend.rs     which back end filters frames that lie in memory
+//! tracer.rs      which tracer makes frames and references
 //! trial.rs       frames as files, to try a host in another language with (feature `gpu`)
 //! cache.rs       references on disk: found by hash, never half written
 //! references.rs  converges a reference in two halves, through the cache, continued where it stopped
@@ -25,6 +26,7 @@ pub mod report;
 pub mod reproduce;
 pub mod scorecard;
 pub mod tone;
+pub mod tracer;
 #[cfg(feature = "gpu")]
 pub mod trial;
 

@@ -4,8 +4,9 @@ use crate::cache::{Accumulation, Cache, ReferenceKey};
 use crate::error::Error;
 use crate::metrics::error::{EPSILON_PART, TRIMMED_PART};
 use crate::tone::luminance;
+use crate::tracer::TraceOn;
 use quell::{Plane, Rgb};
-use quell_trace::{Control, Half, RayCounts, Reference, ReferenceKind, RenderOptions, Scene, Tracer, scene_hash};
+use quell_trace::{Control, Half, RayCounts, Reference, ReferenceKind, RenderOptions, Scene, scene_hash};
 
 /// When a reference is good enough.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -113,6 +114,21 @@ pub fn converge(
     what: &ReferenceOf<'_>,
     target: &ReferenceTarget,
     control: &Control<'_>,
+    progress: impl FnMut(&ReferenceProgress),
+) -> Result<ReferencePair, Error> {
+    converge_on(&TraceOn::Cpu, cache, what, target, control, progress)
+}
+
+/// The same on any tracer. Each has references of its own in the cache.
+///
+/// # Errors
+/// Those of [`converge`]; what a device reports.
+pub fn converge_on(
+    on: &TraceOn,
+    cache: Option<&Cache>,
+    what: &ReferenceOf<'_>,
+    target: &ReferenceTarget,
+    control: &Control<'_>,
     mut progress: impl FnMut(&ReferenceProgress),
 ) -> Result<ReferencePair, Error> {
     let &ReferenceOf { scene, camera, frame, options } = what;
@@ -125,7 +141,7 @@ pub fn converge(
         scene_hash: scene_hash.clone(),
         camera,
         frame,
-        part: format!("{half}{suffix}"),
+        part: format!("{half}{suffix}{}", on.key_suffix()),
     });
     let mut halves: [Option<Reference>; 2] = [None, None];
     if let Some(cache) = cache {
@@ -159,9 +175,7 @@ pub fn converge(
             }
             let tracer = match &mut tracer {
                 Some(tracer) => tracer,
-                none => none.insert(
-                    Tracer::new(scene, frame, camera).map_err(|e| Error::Trace(quell_trace::TraceError::Scene(e)))?,
-                ),
+                none => none.insert(on.tracer(scene, frame, camera)?),
             };
             let more = tracer.reference(options, target.kind, name, from..until, control)?;
             match half {

@@ -9,7 +9,7 @@ use rayon::prelude::*;
 
 /// Least cosine between the mirror direction of a mapped normal and the true normal, and the share of the viewer's own
 /// cosine where that is less: what lies lower would be lost behind the surface.
-const MIRROR_COS: (f32, f32) = (0.01, 0.9);
+pub(crate) const MIRROR_COS: (f32, f32) = (0.01, 0.9);
 
 /// A point of a triangle and the attributes of its corners.
 #[derive(Clone, Copy)]

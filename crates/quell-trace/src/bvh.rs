@@ -22,15 +22,15 @@ const MAX_TRIANGLES_PER_LEAF: u32 = 3;
 
 /// Far sides of boxes count as farther by this share, so that no rounding of the slab test loses a hit (Ize 2013,
 /// "Robust BVH ray traversal").
-const SLACK: f32 = 1.0 + 4.0 * f32::EPSILON;
+pub(crate) const SLACK: f32 = 1.0 + 4.0 * f32::EPSILON;
 
 /// A component of a direction below this counts as this much: its inverse and what is multiplied by it stay finite.
-const LEAST_COMPONENT: f32 = 1e-20;
+pub(crate) const LEAST_COMPONENT: f32 = 1e-20;
 
 /// A node that is still to be visited or a run of triangles to be tested: an index times 4 plus the number of
 /// triangles, 0 for a node.
 #[derive(Clone, Copy, Debug)]
-struct Link(u32);
+pub(crate) struct Link(pub(crate) u32);
 
 impl Link {
     const ROOT: Self = Self(0);
@@ -56,10 +56,10 @@ impl Link {
 
 /// The boxes of up to eight children. Empty ones lie at +inf and end at -inf, where no ray passes.
 #[repr(align(64))]
-struct Node {
+pub(crate) struct Node {
     /// Low and high planes of x, of y, of z.
-    planes: [[f32; WIDTH]; 6],
-    links: [Link; WIDTH],
+    pub(crate) planes: [[f32; WIDTH]; 6],
+    pub(crate) links: [Link; WIDTH],
 }
 
 impl Node {
@@ -147,8 +147,8 @@ impl<T: Copy> Stack<T> {
 
 /// The hierarchy over a list of triangles in the order of its leaves.
 pub(crate) struct Bvh {
-    nodes: Vec<Node>,
-    level: Level,
+    pub(crate) nodes: Vec<Node>,
+    pub(crate) level: Level,
 }
 
 impl Bvh {

@@ -7,10 +7,10 @@ use glam::{Vec2, Vec3};
 
 /// A scattered cone opens by this share of the lobe's width alpha: less than the whole lobe, which many paths sample,
 /// and enough that a path after a matte surface reads coarse texels.
-const LOBE_SHARE: f32 = 0.25;
+pub(crate) const LOBE_SHARE: f32 = 0.25;
 
 /// Lookups along the longer axis of a footprint, at most.
-const MAX_LOOKUPS: f32 = 8.0;
+pub(crate) const MAX_LOOKUPS: f32 = 8.0;
 
 /// The cone of a ray.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -72,40 +72,40 @@ pub struct Sky {
 /// Light from infinitely far away.
 #[derive(Clone, Debug)]
 pub struct Environment {
-    background: Background,
-    sun: Option<Sun>,
+    pub(crate) background: Background,
+    pub(crate) sun: Option<Sun>,
     /// Probability of sampling the sun rather than the background.
-    sun_probability: f32,
+    pub(crate) sun_probability: f32,
     /// Mean radiance over the sphere, of background and sun.
-    mean_radiance: Vec3,
+    pub(crate) mean_radiance: Vec3,
 }
 
 #[derive(Clone, Debug)]
-enum Background {
+pub(crate) enum Background {
     Constant(Vec3),
     Map(Arc<Map>),
 }
 
 /// A disc of constant radiance.
 #[derive(Clone, Copy, Debug)]
-struct Sun {
-    direction: Vec3,
-    radiance: Vec3,
+pub(crate) struct Sun {
+    pub(crate) direction: Vec3,
+    pub(crate) radiance: Vec3,
     /// 1 - cos of the angular radius: the cosine itself would keep four digits of a real sun's size.
-    one_minus_cos: f32,
+    pub(crate) one_minus_cos: f32,
 }
 
 /// A latitude-longitude map with its sampling distribution.
 #[derive(Clone, Debug)]
-struct Map {
+pub(crate) struct Map {
     /// Radiance, strength included.
-    texels: Plane<Rgb>,
+    pub(crate) texels: Plane<Rgb>,
     /// Turn about the y axis in radians: positive moves the picture to larger columns.
-    rotation: f32,
+    pub(crate) rotation: f32,
     /// Cumulated probability of the texels' rows: height + 1 values from 0 to 1.
-    row_cdf: Vec<f32>,
+    pub(crate) row_cdf: Vec<f32>,
     /// Cumulated probability of texels within each row: width + 1 values a row.
-    column_cdf: Vec<f32>,
+    pub(crate) column_cdf: Vec<f32>,
 }
 
 /// Rows of the map that [`Environment::sky`] makes; the gradient is smooth.
@@ -356,7 +356,7 @@ impl Map {
 
 /// Sine of the polar angle below which directions count as the pole: the density of the picture's first row is
 /// infinite there.
-const MIN_POLAR_SIN: f32 = 1e-6;
+pub(crate) const MIN_POLAR_SIN: f32 = 1e-6;
 
 /// A number in (-1, 1) with density 1 - |x|.
 fn tent(u: f32) -> f64 {

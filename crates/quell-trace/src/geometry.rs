@@ -41,14 +41,14 @@ impl GeometryCache {
 
 /// How far a new ray starts from the surface it leaves, as a share of the largest coordinate of the triangle's
 /// corners: 64 units in the last place of that coordinate. Points made from barycentric coordinates are off by a few.
-const OFFSET_SHARE: f32 = 1.0 / (1 << 18) as f32;
+pub(crate) const OFFSET_SHARE: f32 = 1.0 / (1 << 18) as f32;
 
 /// By how much a triangle's box is larger than the triangle, as a share of its largest coordinate: 16 units in the last
 /// place.
 const BOX_MARGIN: f32 = 1.0 / (1 << 20) as f32;
 
 /// Shadow rays end this share short of the light, so that the light does not shadow itself.
-const SHADOW_END: f32 = 1.0 - 1e-4;
+pub(crate) const SHADOW_END: f32 = 1.0 - 1e-4;
 
 /// A triangle in world space.
 #[derive(Clone, Copy, Debug)]
@@ -123,14 +123,14 @@ const INNER_EXPONENT: i32 = 12;
 /// The triangles of one frame and their BVH.
 pub(crate) struct Geometry {
     /// Corners times `inner_from_world`.
-    triangles: Vec<Triangle>,
+    pub(crate) triangles: Vec<Triangle>,
     /// A power of two and its inverse: scaling is exact.
-    inner_from_world: f32,
-    world_from_inner: f32,
-    sources: Vec<TriangleSource>,
+    pub(crate) inner_from_world: f32,
+    pub(crate) world_from_inner: f32,
+    pub(crate) sources: Vec<TriangleSource>,
     /// Position in `triangles` of the n-th triangle that was handed in.
-    position_of: Vec<u32>,
-    bvh: Option<Bvh>,
+    pub(crate) position_of: Vec<u32>,
+    pub(crate) bvh: Option<Bvh>,
 }
 
 impl Geometry {

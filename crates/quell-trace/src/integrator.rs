@@ -16,20 +16,20 @@ use crate::world::{SurfacePoint, World};
 use glam::Vec3;
 
 /// Paths are ended at random from this scattering (counted from 1 at x2) onwards.
-const ROULETTE_FROM: u32 = 2;
+pub(crate) const ROULETTE_FROM: u32 = 2;
 
 /// Least probability to survive the roulette, so that no path's weight grows more than tenfold there.
-const ROULETTE_FLOOR: f32 = 0.1;
+pub(crate) const ROULETTE_FLOOR: f32 = 0.1;
 
 /// Perceptual roughness up to which a lamp is seen in the glossy signal, and from which its light is sampled for the
 /// direct term (algorithm.md section 1).
-const LAMP_IN_GLOSSY: (f32, f32) = (0.1, 0.3);
+pub(crate) const LAMP_IN_GLOSSY: (f32, f32) = (0.1, 0.3);
 
 /// Of the direct term's rays, one such ray per this many shadow rays follows the glossy lobe.
-const GLOSSY_RAYS_DIVISOR: u32 = 4;
+pub(crate) const GLOSSY_RAYS_DIVISOR: u32 = 4;
 
 /// Above this roughness light sampling alone serves the glossy lobe's direct light.
-const GLOSSY_RAYS_MAX_ROUGHNESS: f32 = 0.75;
+pub(crate) const GLOSSY_RAYS_MAX_ROUGHNESS: f32 = 0.75;
 
 /// Domains of the sampler, so that the number of draws of one purpose does not shift another's.
 #[derive(Clone, Copy)]

@@ -12,6 +12,7 @@
 //! sampler.rs, warp.rs             low-discrepancy numbers; maps from the unit square
 //! primary.rs      primary surface replacement through glass and mirrors
 //! integrator.rs, tracer/          light transport; the frame's planes and references
+//! gpu/            the same on a GPU, in the WGSL files that lie beside the Rust files (feature `gpu`)
 //! ```
 //!
 //! `scene_hash` names scene, tracer and options: it keys the cache of references and the frames that come with the demo.
@@ -35,6 +36,8 @@ mod cone;
 pub mod environment;
 mod geometry;
 pub mod gltf;
+#[cfg(feature = "gpu")]
+pub mod gpu;
 mod hash;
 mod integrator;
 pub mod lights;

@@ -17,7 +17,7 @@ pub(crate) const MAX_CHAIN: usize = 8;
 
 /// A surface that blends is looked through where it covers less than this share of a point. Guides then belong to what
 /// shows most, and do not flicker.
-const VEIL_OPACITY: f32 = 0.5;
+pub(crate) const VEIL_OPACITY: f32 = 0.5;
 
 /// Which surfaces the eye looks through before guides are taken.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

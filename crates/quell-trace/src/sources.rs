@@ -12,16 +12,16 @@ const NONE: u32 = u32::MAX;
 
 /// All sources of a world.
 pub(crate) struct Sources {
-    sampler: LightSampler,
+    pub(crate) sampler: LightSampler,
     /// Emitter of each triangle of the geometry, or [`NONE`].
-    emitter_of: Vec<u32>,
+    pub(crate) emitter_of: Vec<u32>,
     /// Triangle of the geometry of each emitter whose radiance varies, or [`NONE`]; empty where none does.
-    varying: Vec<u32>,
-    environment: Option<Arc<Environment>>,
+    pub(crate) varying: Vec<u32>,
+    pub(crate) environment: Option<Arc<Environment>>,
     /// Number of the environment among the emitters.
-    environment_index: usize,
-    environment_scale: f32,
-    has_area: bool,
+    pub(crate) environment_index: usize,
+    pub(crate) environment_scale: f32,
+    pub(crate) has_area: bool,
 }
 
 impl Sources {

@@ -12,20 +12,20 @@ use std::borrow::Cow;
 use std::sync::Arc;
 
 /// An instance at this frame and the one before.
-struct Placed {
+pub(crate) struct Placed {
     /// World from mesh, now and one frame before.
-    transform: Affine3A,
-    previous_transform: Affine3A,
+    pub(crate) transform: Affine3A,
+    pub(crate) previous_transform: Affine3A,
     /// Turns mesh normals into world normals (not unit).
-    normal_matrix: Mat3A,
+    pub(crate) normal_matrix: Mat3A,
     /// -1 where the transform mirrors, which turns the winding round.
-    handedness: f32,
+    pub(crate) handedness: f32,
     /// Vertices now and one frame before, for meshes that deform.
-    deformed: Option<[Deformed; 2]>,
-    emission_scale: f32,
+    pub(crate) deformed: Option<[Deformed; 2]>,
+    pub(crate) emission_scale: f32,
     /// Whether textures or vertex colours change the material from point to point.
-    painted: bool,
-    coverage: Coverage,
+    pub(crate) painted: bool,
+    pub(crate) coverage: Coverage,
 }
 
 /// Which of the surfaces that are partly there a ray meets.
@@ -98,15 +98,15 @@ pub(crate) struct EmissiveTriangle {
 
 /// The scene at one frame.
 pub(crate) struct World<'s> {
-    scene: &'s Scene,
+    pub(crate) scene: &'s Scene,
     pub(crate) geometry: Arc<Geometry>,
-    placed: Vec<Placed>,
+    pub(crate) placed: Vec<Placed>,
     /// Those of the scene's surfaces, before textures.
-    materials: Vec<Material>,
+    pub(crate) materials: Vec<Material>,
     /// Whether any surface is painted: only then do cones matter.
     pub(crate) painted: bool,
     /// Whether any surface has holes or is partly there.
-    has_coverage: bool,
+    pub(crate) has_coverage: bool,
     pub(crate) emissive: Vec<EmissiveTriangle>,
     pub(crate) lights: Vec<PointlikeLight>,
     pub(crate) environment_scale: f32,

@@ -75,6 +75,9 @@ pub struct Common {
     /// GPU to use, by part of its name; `quell --version -v` lists them. One in software (llvmpipe) only so
     #[arg(long, global = true, value_name = "NAME")]
     pub device: Option<String>,
+    /// What traces scenes for render and demo, cpu or gpu [default: gpu with --backend gpu, unless that is one in software]
+    #[arg(long, global = true, value_name = "NAME", value_parser = values::tracer)]
+    pub tracer: Option<values::TracerChoice>,
     /// Named values of all parameters: paper, or sequence for denoise [default: these]
     #[arg(long, global = true, value_name = "NAME")]
     pub preset: Option<String>,

@@ -96,6 +96,24 @@ impl BackendChoice {
     }
 }
 
+/// What traces frames and references.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum TracerChoice {
+    /// The CPU.
+    Cpu,
+    /// The GPU that the back end runs on.
+    Gpu,
+}
+
+/// What traces, by name.
+pub fn tracer(text: &str) -> Result<TracerChoice, String> {
+    match text {
+        "cpu" => Ok(TracerChoice::Cpu),
+        "gpu" => Ok(TracerChoice::Gpu),
+        _ => Err(format!("unknown tracer `{text}`; there are cpu, gpu")),
+    }
+}
+
 /// Estimators of the path tracer.
 pub fn estimator(text: &str) -> Result<quell_trace::Estimator, String> {
     match text {
@@ -137,6 +155,8 @@ mod tests {
         for choice in [BackendChoice::Auto, BackendChoice::Gpu, BackendChoice::Cpu, BackendChoice::Reference] {
             assert_eq!(choice.name().parse(), Ok(choice));
         }
+        assert_eq!((tracer("cpu"), tracer("gpu")), (Ok(TracerChoice::Cpu), Ok(TracerChoice::Gpu)));
+        assert!(tracer("auto").unwrap_err().contains("cpu, gpu"));
         assert!(positive("0").is_err() && positive("inf").is_err() && positive("nan").is_err());
         assert!(at_least_one::<u32>("0").is_err() && at_least_one::<u32>("-1").is_err());
     }

@@ -85,7 +85,7 @@ fn make_references(
     for (index, frame) in REFERENCE_FRAMES.into_iter().enumerate() {
         let tracer = Tracer::new(scene, frame, CAMERA)?;
         let notify = |share: f32| progress.within(index, share, "tracing");
-        let Some(reference) = source.of(scene, options, CAMERA, frame, &notify)? else { continue };
+        let Some(reference) = source.of(&context.tracer()?, scene, options, CAMERA, frame, &notify)? else { continue };
         let error = reference.own_error().unwrap_or_default();
         let beauty = reference.into_beauty();
         let (camera, previous_camera) = tracer.cameras(options.size, options.jitter)?;

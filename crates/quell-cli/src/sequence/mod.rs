@@ -24,7 +24,8 @@ use quell::{Plane, Rgb, Size};
 use quell_lab::backend::{Denoiser, DeviceMemory};
 use quell_lab::report::{FrameStatus, Status};
 use quell_lab::tone::{Picture, Tone};
-use quell_trace::{Control, RayCounts, RenderOptions, Scene, Tracer};
+use quell_lab::tracer::TraceOn;
+use quell_trace::{Control, RayCounts, RenderOptions, Scene};
 use references::{ReferencePicture, ReferenceSource};
 use scores::Scores;
 use serde_json::{Map, Value};
@@ -97,6 +98,7 @@ impl From<quell_lab::Error> for FrameFailure {
     fn from(error: quell_lab::Error) -> Self {
         match error {
             quell_lab::Error::Quell(error) => error.into(),
+            quell_lab::Error::Trace(error) => error.into(),
             error => Self::All(error.into()),
         }
     }
@@ -168,10 +170,11 @@ impl Job {
     /// The loop over frames; `Some` where it ended before the last.
     fn render(&self, context: &Context, run: &mut Run) -> Result<Option<Failure>, Failure> {
         let progress = Progress::new("frame", self.frames.len(), context.quiet);
+        let on = context.tracer()?;
         let mut denoiser =
             if self.denoise { Some(context.backend()?.denoiser(self.size(), &context.settings)?) } else { None };
         for (index, &frame) in self.frames.iter().enumerate() {
-            let failure = match self.frame(context, run, &progress, denoiser.as_mut(), index) {
+            let failure = match self.frame(context, &on, run, &progress, denoiser.as_mut(), index) {
                 Ok(()) => {
                     run.status(frame, Status::Done, None);
                     progress.done(index);
@@ -209,6 +212,7 @@ impl Job {
     fn frame(
         &self,
         context: &Context,
+        on: &TraceOn,
         run: &mut Run,
         progress: &Progress,
         denoiser: Option<&mut Denoiser>,
@@ -219,7 +223,7 @@ impl Job {
             return Err(FrameFailure::All(Failure::Interrupted("as asked".to_owned())));
         }
         let begin = Instant::now();
-        let tracer = Tracer::new(&self.scene, number, self.camera)?;
+        let tracer = on.tracer(&self.scene, number, self.camera)?;
         // The noisy frame's share of the work, in samples.
         let reference_samples = self.references.samples_of(number);
         let part = self.options.samples as f32 / (self.options.samples as f32 + reference_samples as f32);
@@ -238,7 +242,7 @@ impl Job {
         let noisy = traced.composite();
         let kept = run.keeps(index);
         let tone = self.tone();
-        let labels = self.labels(context);
+        let labels = self.labels(context, on);
 
         run.clamped_to_half += self.files.noisy(frame, &noisy, rendered.halves.as_ref(), &labels)?;
         let picture = self.files.picture(files::NOISY, number, &noisy, tone)?;
@@ -265,7 +269,7 @@ impl Job {
         }
 
         let notify = |share: f32| progress.within(index, part + share * (1.0 - part), "reference");
-        let reference = self.references.of(&self.scene, &self.options, self.camera, number, &notify);
+        let reference = self.references.of(on, &self.scene, &self.options, self.camera, number, &notify);
         if let Some(reference) = reference.map_err(FrameFailure::All)? {
             if let ReferencePicture::Traced(halves) = &reference {
                 run.clamped_to_half += self.files.reference(frame, halves, &labels)?;
@@ -280,11 +284,11 @@ impl Job {
     }
 
     /// What the headers of files say.
-    fn labels(&self, context: &Context) -> files::Labels {
+    fn labels(&self, context: &Context, on: &TraceOn) -> files::Labels {
         files::Labels {
             scene: format!("{} camera {}", self.scene.name, self.camera),
             scene_hash: quell_trace::scene_hash(&self.scene, &self.options),
-            sampling: self.sampling(),
+            sampling: format!("{}{}", self.sampling(), if on.name() == "cpu" { "" } else { ", traced on a GPU" }),
             settings: crate::context::settings_toml(context.preset, &context.settings),
             exposure: self.scene.exposure,
         }

@@ -4,7 +4,8 @@ use super::files::composite_of;
 use crate::failure::Failure;
 use quell::{Plane, Rgb};
 use quell_lab::cache::Cache;
-use quell_lab::references::{ReferenceOf, ReferencePair, ReferenceTarget, converge};
+use quell_lab::references::{ReferenceOf, ReferencePair, ReferenceTarget, converge_on};
+use quell_lab::tracer::TraceOn;
 use quell_trace::{Control, Reference, RenderOptions, Scene, TraceError};
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -59,6 +60,7 @@ impl ReferenceSource {
     /// The reference of a frame; `None` where there shall be none. `notify` hears the share done, 0..1.
     pub fn of(
         &self,
+        on: &TraceOn,
         scene: &Scene,
         options: &RenderOptions,
         camera: usize,
@@ -73,7 +75,7 @@ impl ReferenceSource {
             Self::Trace { target, cache, .. } if self.has(frame) => {
                 let what = ReferenceOf { scene, camera, frame, options };
                 let control = Control { cancel: Some(crate::interrupt::flag()), progress: None };
-                let pair = converge(cache.as_ref(), &what, target, &control, |progress| {
+                let pair = converge_on(on, cache.as_ref(), &what, target, &control, |progress| {
                     notify(progress.samples as f32 / progress.of.max(1) as f32);
                 });
                 let pair = pair.map_err(|e| match e {

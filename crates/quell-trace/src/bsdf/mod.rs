@@ -16,6 +16,8 @@ mod glass;
 mod lambert;
 
 pub use albedo::{Lobe, directional_albedo};
+#[cfg(feature = "gpu")]
+pub(crate) use glass::STRAIGHT_ETA;
 
 use crate::material::{MIRROR_ROUGHNESS, Material, MaterialModel, channel_mean, unit_color, unit_range};
 use fresnel::Fresnel;
@@ -34,7 +36,7 @@ pub const MIN_VIEW_COS: f32 = 1e-3;
 
 /// Least share of its albedo that a lobe keeps in the choice between lobes, whatever Fresnel at the mirror direction
 /// says: Fresnel at other half vectors may be far lower, and a lobe never chosen is light lost.
-const MIN_LOBE_SHARE: f32 = 0.05;
+pub(crate) const MIN_LOBE_SHARE: f32 = 0.05;
 
 /// A surface point, its material and the direction that it is seen from.
 #[derive(Clone, Copy, Debug)]
@@ -580,7 +582,7 @@ impl Bsdf {
 }
 
 /// Index of refraction above which inputs are clamped: diamond has 2.4, and nothing transparent reaches this.
-const MAX_IOR: f32 = 10.0;
+pub(crate) const MAX_IOR: f32 = 10.0;
 
 /// The shading normal turned to the side of the true one, then tilted towards the viewer until it faces it.
 fn viewer_side_normal(shading: Vec3, geometric: Vec3, wo: Vec3) -> Vec3 {

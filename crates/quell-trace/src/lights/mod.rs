@@ -4,10 +4,17 @@
 //! list. Which of the two is asked is decided by the irradiance that each is expected to give at the point.
 
 mod patch;
-mod tree;
+pub(crate) mod tree;
 mod triangle;
 
 pub use patch::Patch;
+
+#[cfg(feature = "gpu")]
+pub(crate) use {
+    patch::NEAR_RADII,
+    tree::{BOUND_SHARE, CONE_SLACK},
+    triangle::{MAX_SPHERICAL_SOLID_ANGLE, MIN_SPHERICAL_SOLID_ANGLE},
+};
 
 use crate::environment::Environment;
 use crate::material::channel_mean;
@@ -92,16 +99,16 @@ pub struct LightSample {
 
 /// Bounds of the probability of asking the infinite sources where both kinds exist and may shine: the estimates know
 /// nothing of shadows.
-const INFINITE_PROBABILITY: std::ops::RangeInclusive<f32> = 0.1..=0.9;
+pub(crate) const INFINITE_PROBABILITY: std::ops::RangeInclusive<f32> = 0.1..=0.9;
 
 /// Draws directions towards light.
 #[derive(Clone, Debug)]
 pub struct LightSampler {
-    emitters: Vec<Emitter>,
+    pub(crate) emitters: Vec<Emitter>,
     /// Finite emitters of positive power.
-    tree: LightTree,
+    pub(crate) tree: LightTree,
     /// Infinite emitters of positive power and the irradiance expected of each.
-    infinite: Vec<(usize, f32)>,
+    pub(crate) infinite: Vec<(usize, f32)>,
 }
 
 impl LightSampler {

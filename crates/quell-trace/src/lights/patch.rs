@@ -10,21 +10,21 @@ const FLATNESS: f32 = 1e-5;
 
 /// The patch is sampled by area from points farther from its centre than this many of its radii: there the densities
 /// per area and per steradian differ little, and the samples' even spread takes care of the difference.
-const NEAR_RADII: f32 = 1.5;
+pub(crate) const NEAR_RADII: f32 = 1.5;
 
 /// Triangles in one plane.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Patch {
     /// Fans turn about the middle vertex, each triangle beginning where the one before ended.
-    triangles: Vec<[Vec3; 3]>,
+    pub(crate) triangles: Vec<[Vec3; 3]>,
     /// Share of the area up to and with each triangle.
-    cumulative: Vec<f32>,
+    pub(crate) cumulative: Vec<f32>,
     /// Corner and edges where the patch is a parallelogram.
-    parallelogram: Option<[Vec3; 3]>,
-    normal: Vec3,
-    area: f32,
-    low: Vec3,
-    high: Vec3,
+    pub(crate) parallelogram: Option<[Vec3; 3]>,
+    pub(crate) normal: Vec3,
+    pub(crate) area: f32,
+    pub(crate) low: Vec3,
+    pub(crate) high: Vec3,
 }
 
 impl Patch {

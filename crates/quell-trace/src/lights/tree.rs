@@ -62,15 +62,15 @@ impl LightBounds {
 
 /// What the descent reads of a group of emitters: its bounds with the trigonometry done.
 #[derive(Clone, Copy, Debug)]
-struct Group {
-    low: Vec3,
-    high: Vec3,
-    axis: Vec3,
-    sin_spread: f32,
-    cos_spread: f32,
-    cos_emission: f32,
-    two_sided: bool,
-    intensity: f32,
+pub(crate) struct Group {
+    pub(crate) low: Vec3,
+    pub(crate) high: Vec3,
+    pub(crate) axis: Vec3,
+    pub(crate) sin_spread: f32,
+    pub(crate) cos_spread: f32,
+    pub(crate) cos_emission: f32,
+    pub(crate) two_sided: bool,
+    pub(crate) intensity: f32,
 }
 
 impl Group {
@@ -174,10 +174,10 @@ impl Group {
 }
 
 /// Part of the bound that enters the estimate, for lights that both points miss (half below the horizon, say).
-const BOUND_SHARE: f32 = 0.02;
+pub(crate) const BOUND_SHARE: f32 = 0.02;
 
 /// Rounding of the cones in single precision: within it, light is assumed to be possible.
-const CONE_SLACK: f32 = 1e-5;
+pub(crate) const CONE_SLACK: f32 = 1e-5;
 
 /// Sine and cosine of max(0, a - b).
 #[inline]
@@ -207,30 +207,30 @@ fn cone_union(axis_a: Vec3, spread_a: f32, axis_b: Vec3, spread_b: f32) -> (Vec3
 }
 
 #[derive(Clone, Copy, Debug)]
-enum Link {
+pub(crate) enum Link {
     /// Index of the second child; the first follows its parent.
     Children(u32),
     Emitter(u32),
 }
 
 #[derive(Clone, Copy, Debug)]
-struct Node {
-    group: Group,
-    link: Link,
+pub(crate) struct Node {
+    pub(crate) group: Group,
+    pub(crate) link: Link,
 }
 
 /// The way from the root to an emitter: bit i says which child at depth i.
 #[derive(Clone, Copy, Debug)]
-struct Trail {
-    bits: u64,
-    depth: u32,
+pub(crate) struct Trail {
+    pub(crate) bits: u64,
+    pub(crate) depth: u32,
 }
 
 #[derive(Clone, Debug)]
 pub(crate) struct LightTree {
-    nodes: Vec<Node>,
+    pub(crate) nodes: Vec<Node>,
     /// By emitter index; `None` for emitters outside of the tree.
-    trails: Vec<Option<Trail>>,
+    pub(crate) trails: Vec<Option<Trail>>,
 }
 
 /// Number of candidate cuts along each axis, plus 1.

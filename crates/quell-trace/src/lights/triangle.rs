@@ -6,10 +6,10 @@ use glam::{DVec3, Vec2, Vec3};
 
 /// Solid angle in steradians below which the triangle is sampled by area. Then it is under 2 degrees wide, and both
 /// densities are nearly equal; the spherical construction would lose its digits.
-pub(super) const MIN_SPHERICAL_SOLID_ANGLE: f64 = 1e-3;
+pub(crate) const MIN_SPHERICAL_SOLID_ANGLE: f64 = 1e-3;
 
 /// Solid angle above which, too: the point nearly lies in the triangle.
-pub(super) const MAX_SPHERICAL_SOLID_ANGLE: f64 = 6.2;
+pub(crate) const MAX_SPHERICAL_SOLID_ANGLE: f64 = 6.2;
 
 /// A triangle seen from a point on a side that emits.
 pub(crate) struct TriangleView {

@@ -13,6 +13,12 @@ static LINEAR_OF_SRGB: LazyLock<[f32; 256]> = LazyLock::new(|| {
     })
 });
 
+/// Linear values of the 256 codes of sRGB.
+#[cfg(feature = "gpu")]
+pub(crate) fn linear_of_srgb() -> [f32; 256] {
+    *LINEAR_OF_SRGB
+}
+
 /// The nearest code of a linear value.
 fn srgb_of_linear(value: f32) -> u8 {
     let v = if value <= 0.003_130_8 { value * 12.92 } else { 1.055 * value.powf(1.0 / 2.4) - 0.055 };
@@ -47,6 +53,12 @@ impl Level {
 
     pub(super) fn bytes(&self) -> usize {
         self.texels.len() * 4
+    }
+
+    /// Row by row.
+    #[cfg(feature = "gpu")]
+    pub(super) fn texels(&self) -> &[[u8; 4]] {
+        &self.texels
     }
 
     #[inline]

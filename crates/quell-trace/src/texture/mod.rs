@@ -10,6 +10,8 @@ mod level;
 pub use decode::{Limits, TextureError, decode};
 
 use glam::{Mat2, Vec2, Vec4};
+#[cfg(feature = "gpu")]
+pub(crate) use level::linear_of_srgb;
 use level::{Level, coarser_levels};
 use std::sync::OnceLock;
 
@@ -79,6 +81,13 @@ impl Image {
 
     fn coarser(&self, encoding: Encoding) -> &[Level] {
         self.coarser[encoding as usize].get_or_init(|| coarser_levels(&self.base, encoding))
+    }
+
+    /// All levels for an encoding, finest first: columns, rows, texels.
+    #[cfg(feature = "gpu")]
+    pub(crate) fn levels(&self, encoding: Encoding) -> impl Iterator<Item = (usize, usize, &[[u8; 4]])> {
+        let all = std::iter::once(&self.base).chain(self.coarser(encoding));
+        all.map(|level| (level.width(), level.height(), level.texels()))
     }
 
     /// The linear value at `uv`, averaged over a square of about 2^`lod` texels a side; 0 and less: between the four
@@ -187,7 +196,7 @@ impl Default for Transform {
 
 impl Transform {
     /// The linear part.
-    fn matrix(&self) -> Mat2 {
+    pub(crate) fn matrix(&self) -> Mat2 {
         let (s, c) = self.rotation.sin_cos();
         Mat2::from_cols(Vec2::new(c, -s) * self.scale.x, Vec2::new(s, c) * self.scale.y)
     }

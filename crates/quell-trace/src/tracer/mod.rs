@@ -19,6 +19,8 @@ mod unfiltered;
 pub use frame::{HalfSignals, Rendered};
 pub use options::{Control, Estimator, RenderOptions, TraceError};
 pub use reference::{Half, Reference, ReferenceKind};
+#[cfg(feature = "gpu")]
+pub(crate) use {frame::SECOND_HALF_SEED, reference::REFERENCE_DIRECT_SAMPLES};
 
 use crate::hash::Hash;
 use crate::integrator::Integrator;

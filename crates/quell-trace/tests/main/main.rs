@@ -2,6 +2,8 @@
 
 mod estimators;
 mod gltf;
+#[cfg(feature = "gpu")]
+mod gpu;
 mod guides;
 mod mitsuba;
 mod mitsuba_gltf;

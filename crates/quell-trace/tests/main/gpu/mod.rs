@@ -1,0 +1,7 @@
+//! The tracer in WGSL against the one on the CPU, on any Vulkan device, lavapipe if need be.
+
+mod canaries;
+mod device;
+mod everything;
+mod pixels;
+mod statistics;
