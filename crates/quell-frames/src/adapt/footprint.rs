@@ -30,7 +30,8 @@ impl Footprint {
 
     /// Filtered frames that wait for the pictures of their neighbours.
     pub fn estimates(&self, steady: usize) -> f64 {
-        (12.0 * self.lights + 16.0) * (steady as f64 + 1.0) + 16.0 * steady as f64
+        // Lights of this frame and of those after it; of all their picture, the input, and what `stabilise` compares.
+        (12.0 * self.lights + 4.0) * (steady as f64 + 1.0) + (12.0 + 12.0 + 48.0) * (2.0 * steady as f64 + 1.0)
     }
 
     /// The filter's images of one frame: colours twice, variances twice, what is compared; its guides.
