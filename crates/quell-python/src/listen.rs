@@ -18,7 +18,7 @@ pub fn pool(threads: Option<usize>) -> Result<rayon::ThreadPool, Failure> {
     built.map_err(|e| Failure::other(format!("threads: cannot start {threads:?}: {e}")))
 }
 
-/// Tells the calling thread something; false: it wants no more.
+/// Sends a message to the calling thread; false: that wants no more.
 pub type Tell<'t, M> = &'t (dyn Fn(M) -> bool + Sync);
 
 /// Runs `work` in the pool. What it tells is given to `hear`, with Python's lock. Where that raises, or the user interrupts,
