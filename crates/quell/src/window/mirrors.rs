@@ -3,9 +3,16 @@
 use super::local::Class;
 use super::packed::Packed;
 use crate::frame::Rgb;
-use crate::plane::Plane;
+use crate::plane::{Plane, Size};
 use crate::sequence::settings::Mirrors;
 use crate::sequence::{Light, LightKind, SequenceFrame};
+
+/// Colour of what is no mirror.
+const WHITE: Rgb = [1.0; 3];
+/// No surface has a larger albedo, but for what half precision rounds.
+const MOST_COLOUR: f32 = 64.0;
+/// Pixels from the edge of a lamp seen in a mirror to its middle, at most.
+const LARGEST_LAMP: usize = 64;
 
 /// The colour of what is seen in mirrors and through glass; 1 at other pixels. Divided by it, a reflection is as smooth as the
 /// light on the things reflected. Where a surface has a diffuse colour of its own (what multiplies matte light, or else the
@@ -25,14 +32,59 @@ pub(super) fn mirror_colour(frame: &SequenceFrame, s: &Mirrors) -> Option<Packed
             None => specular.iter_mut().for_each(|colour| *colour = colour.max(s.unknown_colour)),
         }
     }
-    let pixel = |((seen, diffuse), specular): ((&Rgb, &Rgb), &f32)| {
+    let mut lamps = Vec::new();
+    let pixel = |(p, ((seen, diffuse), specular)): (usize, ((&Rgb, &Rgb), &f32))| {
         let specular = diffuse.iter().all(|&c| c < s.specular_share * specular);
-        let lit = seen.iter().all(|c| c.is_finite()) && seen.iter().any(|&c| c > 0.0);
-        if specular && lit { seen.map(|c| c.max(s.least_colour)) } else { [1.0; 3] }
+        let lit = seen.iter().any(|&c| c != 0.0);
+        if !(specular && lit) {
+            return WHITE;
+        }
+        if !seen.iter().all(|&c| (0.0..=MOST_COLOUR).contains(&c)) {
+            lamps.push(p);
+            return WHITE;
+        }
+        seen.map(|c| c.max(s.least_colour))
     };
-    let mut colours: Vec<Rgb> = seen.data().iter().zip(diffuse.data()).zip(&specular).map(pixel).collect();
+    let mut colours: Vec<Rgb> = seen.data().iter().zip(diffuse.data()).zip(&specular).enumerate().map(pixel).collect();
+    colour_lamps(frame.size, &mut colours, lamps);
     divide_edges(frame, &mut colours, s);
     Some(Packed::new(frame.size, 1, |_, i| colours[i]))
+}
+
+/// Where a mirror shows a lamp or the sun, `seen` is its radiance, thousands or infinity. It takes the colour of what is beside it
+/// in the mirror: light divided by a radiance would be next to nothing, and what it is mixed with would come back thousands of times brighter.
+fn colour_lamps(size: Size, colours: &mut [Rgb], mut lamps: Vec<usize>) {
+    for _ in 0..LARGEST_LAMP {
+        let found: Vec<(usize, Option<Rgb>)> =
+            lamps.iter().map(|&p| (p, mean_around(size, colours, p % size.width, p / size.width))).collect();
+        lamps = found.iter().filter(|(_, colour)| colour.is_none()).map(|(p, _)| *p).collect();
+        let mut changed = false;
+        for (p, colour) in found {
+            if let Some(colour) = colour {
+                (colours[p], changed) = (colour, true);
+            }
+        }
+        if !changed {
+            break;
+        }
+    }
+}
+
+/// The mean colour of the mirrors within 3x3.
+fn mean_around(size: Size, colours: &[Rgb], x: usize, y: usize) -> Option<Rgb> {
+    let (w, h) = (size.width, size.height);
+    let (mut sum, mut count) = ([0.0; 3], 0.0);
+    for v in y.saturating_sub(1)..(y + 2).min(h) {
+        for near in &colours[v * w + x.saturating_sub(1)..v * w + (x + 2).min(w)] {
+            if *near != WHITE {
+                count += 1.0;
+                for c in 0..3 {
+                    sum[c] += near[c];
+                }
+            }
+        }
+    }
+    (count > 0.0).then(|| sum.map(|c| c / count))
 }
 
 /// A pixel at the edge of a mirror shows mirror and frame, so it has a diffuse colour; its reflection is the mirror's
@@ -46,23 +98,39 @@ fn divide_edges(frame: &SequenceFrame, colours: &mut [Rgb], s: &Mirrors) {
     for y in 0..h {
         for x in 0..w {
             let reflects = || weights.iter().any(|plane| plane.at(x, y).iter().any(|&c| c > s.edge_colour));
-            if inner[y * w + x] != [1.0; 3] || !reflects() {
+            if inner[y * w + x] != WHITE || !reflects() {
                 continue;
             }
-            let (mut sum, mut count) = ([0.0; 3], 0.0);
-            for v in y.saturating_sub(1)..(y + 2).min(h) {
-                for near in &inner[v * w + x.saturating_sub(1)..v * w + (x + 2).min(w)] {
-                    if *near != [1.0; 3] {
-                        count += 1.0;
-                        for c in 0..3 {
-                            sum[c] += near[c];
-                        }
-                    }
-                }
-            }
-            if count > 0.0 {
-                colours[y * w + x] = sum.map(|c| c / count);
+            if let Some(mean) = mean_around(frame.size, &inner, x, y) {
+                colours[y * w + x] = mean;
             }
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_lamp_in_a_mirror_has_the_colour_of_what_is_beside_it() {
+        let size = Size::new(9, 7);
+        let mut frame = SequenceFrame::new(0, size);
+        let sun = |x: usize, y: usize| (3..6).contains(&x) && (2..5).contains(&y);
+        frame.seen_albedo = Some(Plane::from_fn(size, |x, y| match (x, y) {
+            (4, 3) => [f32::INFINITY; 3],
+            _ if sun(x, y) => [9000.0, 20.0, 0.5],
+            _ => [0.05, 0.1, 0.2],
+        }));
+        frame.albedo = Some(Plane::filled(size, [0.0; 3]));
+        frame.lights.push(Light::new("glossy", LightKind::GlossyDirect, Plane::filled(size, [1.0; 3])));
+        let found = mirror_colour(&frame, &Mirrors::default()).unwrap();
+        for i in 0..size.pixels() {
+            let colour = found.at(0, i);
+            assert!((0..3).all(|c| (colour[c] - [0.05, 0.1, 0.2][c]).abs() < 1e-3), "{i}: {colour:?}");
+        }
+        // A mirror that shows nothing but a lamp is divided by nothing.
+        frame.seen_albedo = Some(Plane::filled(size, [300.0; 3]));
+        assert_eq!(mirror_colour(&frame, &Mirrors::default()).unwrap().at(0, 20), WHITE);
     }
 }
