@@ -1,7 +1,7 @@
 //! Passes to lights: which passes make the beauty, with which colour, and what is left over.
 
 use super::planes::{colour, gather, single};
-use super::reflectance::{ROUNDED_ONE, reflectance};
+use super::reflectance::{ROUNDED_ONE, reflectance, whiten};
 use crate::error::Error;
 use crate::image::{ExrImage, Window};
 use crate::roles::{Mapped, Mapping, Role};
@@ -17,6 +17,8 @@ const COMPLETE: f64 = 0.02;
 /// Colour is never divided by less: what is divided by is what multiplies back, so nothing is lost; dark surfaces are
 /// filtered as if they were this bright.
 const FLOOR: f32 = 0.02;
+/// Colours below are black: no light is divided by them.
+const BLACK: f32 = 1e-4;
 
 /// The light group that holds what no group of the file holds.
 pub(super) const NO_GROUP: &str = "quell: no light group";
@@ -197,7 +199,7 @@ pub(super) fn make(
             Light::new(if lights.is_empty() { String::new() } else { REST.to_owned() }, LightKind::Beauty, rest);
         let has_matte = lights.iter().any(|l| matches!(l.kind, LightKind::MatteDirect | LightKind::MatteIndirect));
         if !has_matte {
-            light.weight = surface_colour(mapping, canvas, images)?.map(Arc::new);
+            light.weight = surface_colour(mapping, canvas, images)?.map(|colour| Arc::new(divisor(&colour)));
             demodulate(&mut light);
         }
         lights.push(light);
@@ -206,7 +208,7 @@ pub(super) fn make(
     if let Some(beauty) = beauty
         && !groups.is_empty()
     {
-        let weight = surface_colour(mapping, canvas, images)?.map(Arc::new);
+        let weight = surface_colour(mapping, canvas, images)?.map(|colour| Arc::new(divisor(&colour)));
         let mut none = beauty;
         let first = lights.len();
         for pass in groups {
@@ -233,12 +235,8 @@ pub(super) fn surface_colour(
     images: &[ExrImage],
 ) -> Result<Option<Plane<Rgb>>, Error> {
     if let Some(pass) = mapping.get(Role::Albedo) {
-        let normal = mapping.get(Role::Normal).filter(|normal| normal.channels.len() >= 3);
-        let normal = normal.map(|normal| gather(images, &normal.channels, canvas, [0.0; 3])).transpose()?;
-        let depth = mapping.get(Role::Depth).and_then(|depth| depth.channels.first());
-        let depth = depth.map(|id| single(images, *id, canvas, 0.0)).transpose()?;
-        let albedo = colour(images, pass, canvas)?;
-        return Ok(Some(reflectance(albedo, normal.as_ref(), depth.as_ref())));
+        let (normal, depth) = (normals(mapping, canvas, images)?, depths(mapping, canvas, images)?);
+        return Ok(Some(reflectance(colour(images, pass, canvas)?, normal.as_ref(), depth.as_ref())));
     }
     let lobes = [Role::MatteColour, Role::GlossyColour, Role::TransmissionColour, Role::SubsurfaceColour];
     let mut sum: Option<Plane<Rgb>> = None;
@@ -262,20 +260,30 @@ pub(super) fn surface_colour(
     }
 }
 
+fn normals(mapping: &Mapping, canvas: Window, images: &[ExrImage]) -> Result<Option<Plane<[f32; 3]>>, Error> {
+    let normal = mapping.get(Role::Normal).filter(|normal| normal.channels.len() >= 3);
+    normal.map(|normal| gather(images, &normal.channels, canvas, [0.0; 3])).transpose()
+}
+
+fn depths(mapping: &Mapping, canvas: Window, images: &[ExrImage]) -> Result<Option<Plane<f32>>, Error> {
+    let depth = mapping.get(Role::Depth).and_then(|depth| depth.channels.first());
+    depth.map(|id| single(images, *id, canvas, 0.0)).transpose()
+}
+
 /// Share of pixels above 1 from which an albedo is none: dividing by it would put its noise into the light. A lamp in the
-/// picture is a percent or two (2.4 % in the sample files of `exr_aov`) and is scaled to 1; Mitsuba's sampled weights on
-/// metals were above 1 in 7 %.
+/// picture is a percent or two (2.4 % in the sample files of `exr_aov`) and is scaled to 1.
 pub(super) const MOST_BEYOND: f32 = 0.04;
 /// Depths beyond are background, whatever a renderer writes there (Cycles: 1e10).
 const FARTHEST: f32 = 1e9;
 
-/// Share of the pixels in which a surface's albedo is above 1. What mirrors show may hold lamps and does not count, nor the
+/// Share of the pixels in which a surface's albedo is above 1. Surfaces that are known to have a sampled weight for it, and become white, do
+/// not count (Mitsuba's metals: 7 % in `mitsuba_box`), nor what mirrors show, which may hold lamps, nor the
 /// sky: renderers write its radiance there, and it is divided out and multiplied back.
 pub(super) fn beyond_reflectance(mapping: &Mapping, canvas: Window, images: &[ExrImage]) -> Result<f32, Error> {
     let Some(pass) = mapping.get(Role::Albedo) else { return Ok(0.0) };
-    let albedo = colour(images, pass, canvas)?;
-    let depth = mapping.get(Role::Depth).and_then(|pass| pass.channels.first());
-    let depth = depth.map(|id| single(images, *id, canvas, 0.0)).transpose()?;
+    let mut albedo = colour(images, pass, canvas)?;
+    let (normal, depth) = (normals(mapping, canvas, images)?, depths(mapping, canvas, images)?);
+    whiten(&mut albedo, normal.as_ref(), depth.as_ref());
     let surface = |i: usize| match depth.as_ref().and_then(|depth| depth.data().get(i)) {
         Some(&depth) => depth > 0.0 && depth < FARTHEST,
         None => true,
@@ -285,11 +293,34 @@ pub(super) fn beyond_reflectance(mapping: &Mapping, canvas: Window, images: &[Ex
     Ok(beyond as f32 / albedo.data().len().max(1) as f32)
 }
 
+/// What all of the light is divided by: the colour of surfaces, 1 where they are black (mirrors and glass in most albedos). A pixel at
+/// the edge of what is black shows both, in shares that its colour gives; divided by its colour alone, what it shows of the
+/// mirror would shine.
+fn divisor(colour: &Plane<Rgb>) -> Plane<Rgb> {
+    let size = colour.size();
+    let most = |value: Rgb| value.into_iter().fold(0.0, f32::max);
+    Plane::from_fn(size, |x, y| {
+        let value = colour.at(x, y);
+        let (mut darkest, mut brightest) = (f32::INFINITY, 0.0f32);
+        for v in y.saturating_sub(1)..(y + 2).min(size.height) {
+            for u in x.saturating_sub(1)..(x + 2).min(size.width) {
+                let most = most(colour.at(u, v));
+                (darkest, brightest) = (darkest.min(most), brightest.max(most));
+            }
+        }
+        if darkest >= BLACK || brightest < BLACK {
+            return value;
+        }
+        let black = (1.0 - most(value) / brightest).clamp(0.0, 1.0);
+        value.map(|c| (c + black).min(1.0))
+    })
+}
+
 /// Takes the weight out of the light. Where the colour is black, or no number, the weight becomes 1.
 fn demodulate(light: &mut Light) {
     let Some(weight) = light.weight.as_mut().map(Arc::make_mut) else { return };
     light.light.data_mut().par_iter_mut().zip(weight.data_mut().par_iter_mut()).for_each(|(light, weight)| {
-        if !weight.iter().all(|w| w.is_finite()) || weight.iter().all(|w| *w < 1e-4) {
+        if !weight.iter().all(|w| w.is_finite()) || weight.iter().all(|w| *w < BLACK) {
             *weight = [1.0; 3];
         }
         for c in 0..3 {

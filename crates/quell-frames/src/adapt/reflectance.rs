@@ -13,6 +13,10 @@ const NOTHING: f32 = 0.02;
 /// Neighbours of one surface: normals differ by less, depths by this part.
 const BEND: f32 = 0.25;
 const STEP: f32 = 0.05;
+/// From pixel to pixel a sampled weight falls at least by this factor where it is below 1.
+const FALL: f32 = 0.99;
+/// Pixels of such a surface that so many of their eight neighbours are part of are, too.
+const ENCLOSED: usize = 5;
 
 /// An albedo scaled to 1 at most: what lies above is noise (a sampled weight), or emission, and would come back as such.
 /// Where much of a surface lies above, its albedo is 1 all over: divided by something that falls to nothing, its
@@ -22,16 +26,21 @@ pub(super) fn reflectance(
     normal: Option<&Plane<[f32; 3]>>,
     depth: Option<&Plane<f32>>,
 ) -> Plane<Rgb> {
-    for i in weights(&albedo, normal, depth) {
-        if let Some(value) = albedo.data_mut().get_mut(i) {
-            *value = [1.0; 3];
-        }
-    }
+    whiten(&mut albedo, normal, depth);
     for value in albedo.data_mut() {
         let most = value.iter().copied().fold(1.0, f32::max);
         *value = value.map(|c| c / most);
     }
     albedo
+}
+
+/// Where a surface's albedo is a sampled weight it becomes 1.
+pub(super) fn whiten(albedo: &mut Plane<Rgb>, normal: Option<&Plane<[f32; 3]>>, depth: Option<&Plane<f32>>) {
+    for i in weights(albedo, normal, depth) {
+        if let Some(value) = albedo.data_mut().get_mut(i) {
+            *value = [1.0; 3];
+        }
+    }
 }
 
 fn above(value: &Rgb) -> bool {
@@ -85,9 +94,44 @@ fn weights(albedo: &Plane<Rgb>, normal: Option<&Plane<[f32; 3]>>, depth: Option<
         }
         let share = |count: usize| count as f32 / surface.len() as f32;
         if share(beyond) >= WEIGHTS || (share(beyond) >= HIDDEN[0] && share(black) >= HIDDEN[1]) {
-            found.extend(surface);
+            found.extend(falling(albedo, &surface));
         }
     }
+    found
+}
+
+/// The part of a surface that falls from what is above 1: a box that stands before such a ball, as far and facing the same way, is joined
+/// with it, and has textures to keep.
+fn falling(albedo: &Plane<Rgb>, surface: &[usize]) -> Vec<usize> {
+    let Size { width, height } = albedo.size();
+    let value = |p: usize| albedo.data().get(p).map_or(0.0, |value| value.iter().copied().fold(0.0, f32::max));
+    let around = |p: usize| {
+        let (x, y) = (p % width, p / width);
+        let rows = y.saturating_sub(1)..(y + 2).min(height);
+        rows.flat_map(move |v| (x.saturating_sub(1)..(x + 2).min(width)).map(move |u| v * width + u))
+    };
+    let mut outside = vec![true; albedo.size().pixels()];
+    for &p in surface {
+        if let Some(outside) = outside.get_mut(p) {
+            *outside = false;
+        }
+    }
+    // What is left of the surface is true; what is found is false.
+    let mut left: Vec<bool> = outside.iter().map(|outside| !outside).collect();
+    let mut take = |p: usize| left.get_mut(p).is_some_and(std::mem::take);
+    let mut found: Vec<usize> = surface.iter().copied().filter(|&p| value(p) > ROUNDED_ONE && take(p)).collect();
+    let mut next = 0;
+    while let Some(&p) = found.get(next) {
+        next += 1;
+        let falls = |q: usize| value(q) <= FALL * value(p) || value(p).max(value(q)) < NOTHING;
+        let further: Vec<usize> = around(p).filter(|&q| falls(q)).filter(|&q| take(q)).collect();
+        found.extend(further);
+    }
+    let is_left = left.clone();
+    let taken = |q: usize| !outside.get(q).copied().unwrap_or(true) && !is_left.get(q).copied().unwrap_or(true);
+    let enclosed =
+        |p: &&usize| is_left.get(**p) == Some(&true) && around(**p).filter(|&q| taken(q)).count() >= ENCLOSED;
+    found.extend(surface.iter().filter(enclosed));
     found
 }
 
@@ -129,6 +173,20 @@ mod tests {
         let share = hidden.data().iter().filter(|v| v[0] > 1.02 && v[0] != 12.0).count() as f32 / 305.0;
         assert!(share < 0.1, "{share}");
         assert_eq!(reflectance(hidden, Some(&normal), Some(&depth)).at(24, 16), [1.0; 3]);
+        // A box in front that is as far and faces the same way keeps its checks.
+        let checks = |x: usize, y: usize| [if (x / 3 + y / 3).is_multiple_of(2) { 0.7 } else { 0.2 }, 0.3, 0.1];
+        let mut boxed = albedo.clone();
+        let mut around = normal.clone();
+        for (x, y) in (14..32).flat_map(|y| (10..22).map(move |x| (x, y))) {
+            boxed.data_mut()[y * 64 + x] = checks(x, y);
+            around.data_mut()[y * 64 + x] = normal.at(10, 16);
+        }
+        let near = Plane::filled(size, 2.0);
+        let kept = reflectance(boxed, Some(&around), Some(&near));
+        assert_eq!([kept.at(16, 8), kept.at(16, 11)], [[1.0; 3]; 2]);
+        for (x, y) in (18..30).flat_map(|y| (12..20).map(move |x| (x, y))) {
+            assert_eq!(kept.at(x, y), checks(x, y), "{x} {y}");
+        }
         // Without normals nothing says where the ball ends.
         assert_eq!(reflectance(albedo.clone(), None, Some(&depth)).at(24, 16), albedo.at(24, 16));
     }

@@ -331,7 +331,8 @@ impl GuideChecks {
                     vec![Figure::new("pixels above 1", share * 100.0, "%"), Figure::new("largest", most, "")],
                 )
                 .cure(
-                    "light cannot be divided by it: quell leaves such an albedo out, and textures that it alone shows are blurred",
+                    "light cannot be divided by it: quell takes surfaces that it belongs to for white; where it does not find them (no normals) it \
+                     leaves the albedo out, and textures that it alone shows are blurred",
                     format!(
                         "write the surface's colour alone (no emission, no division by small densities), clamped to 1; \
                          --map {role}=none leaves it out in any case"
