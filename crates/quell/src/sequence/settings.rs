@@ -79,13 +79,13 @@ parameters! {
             higher "Less noise, more smear on what moves.", lower "Noisier.", source "ours";
         least_share: f32 = 0.01, 0.0..=0.25, "of a pixel", "Pixels of the bilinear footprint with less are left out.",
             higher "Cheaper, a little blocky.", lower "Dearer.", source "ours";
-        light_deviations: f32 = 1.0, 0.0..=64.0, "standard deviations", "How far a light's mean over 5x5 pixels of the surface may differ in another frame, in deviations of both means, where noise is weak.",
+        light_deviations: f32 = 1.0, 0.0..=64.0, "standard deviations", "How far a light's mean around the pixel may differ in another frame, in deviations of both means, where noise is weak.",
             higher "Less noise; moving shadows and highlights smear.", lower "Noisier where light changes.", source "ours: docs/sequence.md";
         light_deviations_high: f32 = 2.0, 0.0..=64.0, "standard deviations", "The same where noise is strong: few samples a pixel have rare bright ones.",
             higher "Less noise; moving shadows and highlights smear.", lower "Noisier.", source "ours";
-        light_noise: f32 = 0.1, 0.0..=16.0, "of the light", "Deviation of the means at which it lies half between (in squares).",
+        light_noise: f32 = 0.03, 0.0..=16.0, "of the light", "Deviation of the means at which it lies half between (in squares).",
             higher "`gather.light_deviations` counts sooner.", lower "Later.", source "ours";
-        light_contrast: f32 = 0.005, 0.0..=1.0, "of the light", "How far they may differ beyond that.",
+        light_contrast: f32 = 0.05, 0.0..=1.0, "of the light", "How far they may differ beyond that.",
             higher "Slow changes of light lag.", lower "Light without noise loses samples by rounding.", source "ours";
         same_noise: f32 = 0.75, 0.0..=16.0, "pixels", "Where one seed was used for all frames, the noise of a pixel is repeated within this distance.",
             higher "Slow motion loses samples.", lower "The same noise counts twice.", source "ours";

@@ -1,7 +1,11 @@
 //! Of each light of a frame its mean around each pixel, and how sure that mean is: what tells whether another frame shows
 //! the same light there.
 //!
-//! Mean luminance over 5x5 pixels of the same surface, and the deviation of that mean if the pixels differ by noise alone. Both
+//! Two steps. First the mean luminance over 5x5 pixels of the same surface, in which pixels count less as they differ by more than their noise:
+//! stripes, edges of shadows and what mirrors show stay apart as samples grow. Then the mean of 25 such windows side by side, again as far as they
+//! are equal but for noise: with few samples a lamp that was switched off is seen only over many pixels. The noise of
+//! a pixel is found from second differences along the direction in which they are least, so that structure is not taken for noise.
+//! Mean and the deviation of that mean
 //! are kept in half precision, scaled where a frame holds colours beyond it. What a surface or the sky emits has noise only behind a
 //! medium, where a ray gets there by chance: where no medium is lit in 5x5 pixels its deviation is [`FREE`].
 //! All is made for the whole frame, so that a band of rows finds the same.
@@ -12,12 +16,32 @@ use super::packed::Packed;
 use super::prepared::{LightSlot, Samples};
 use crate::kernels::math::luminance;
 use crate::par;
+use crate::plane::Plane;
 use crate::sequence::LightKind;
 use crate::sequence::settings::Gather;
 use half::f16;
 
 /// Pixels around a pixel, each way.
 const RADIUS: isize = 2;
+/// Sides of these windows, and how many of them to each side are looked at.
+const WINDOW: isize = 2 * RADIUS + 1;
+const STEPS: isize = 2;
+/// Squared difference, over the noise of one pixel, at which a pixel counts half.
+const EQUAL_PIXELS: f32 = 8.0;
+/// Noise of one pixel, relative to the light, from which pixels count that differ more: few samples have rare bright ones, and a pixel
+/// would choose those that are as bright by chance.
+const STRONG: f32 = 0.1;
+const STRONGEST: f32 = 1e4;
+/// The least of the noise along four directions is that much too small, at most.
+const LEAST_OF_FOUR: f32 = 1.5;
+/// And that much more of it where noise is strong: what few samples say of it differs from pixel to pixel.
+const FEW: f32 = 0.25;
+/// Keeps quotients finite where nothing varies.
+const LEAST: f32 = 1e-20;
+/// Variance of the second difference a - 2 b + c of independent values of variance 1.
+const SECOND_DIFFERENCE: f32 = 6.0;
+/// Squared difference, over the noise of both, at which a window counts half.
+const EQUAL: f32 = 2.0;
 /// Luminances beyond it count as it: squares stay finite.
 const MOST: f32 = 1e15;
 /// Means and deviations are no larger than the largest sample, and half precision holds twice this.
@@ -76,35 +100,9 @@ impl LightMeans {
         while brightest.min(MOST) / scale > LARGEST {
             scale *= 2.0;
         }
-        let (w, h, n) = (f.size.width, f.size.height, lights.len());
-        let mut data = vec![[f16::ZERO; 2]; f.size.pixels() * n];
-        if n > 0 {
-            par::rows(&mut data, w * n, |y, out| {
-                let mut sums = vec![[0.0f32; 3]; n];
-                for x in 0..w {
-                    sums.fill([0.0; 3]);
-                    let mut medium = false;
-                    for qy in (y as isize - RADIUS).max(0)..=(y as isize + RADIUS).min(h as isize - 1) {
-                        for qx in (x as isize - RADIUS).max(0)..=(x as isize + RADIUS).min(w as isize - 1) {
-                            let q = qy as usize * w + qx as usize;
-                            let same = alike(f, y * w + x, q, s);
-                            medium |= media.iter().any(|first| samples.at(*first, q) != [0.0; 3]);
-                            for (sum, light) in sums.iter_mut().zip(&lights) {
-                                if same || !light.bounded {
-                                    let v = luminance(samples.at(light.first, q)).clamp(-MOST, MOST);
-                                    *sum = [sum[0] + v, sum[1] + v * v, sum[2] + 1.0];
-                                }
-                            }
-                        }
-                    }
-                    for ((out, sum), light) in out[x * n..][..n].iter_mut().zip(&sums).zip(&lights) {
-                        let [mean, deviation] = mean_and_deviation(*sum);
-                        let deviation = if light.behind && !medium { FREE } else { deviation / scale };
-                        *out = [mean / scale, deviation].map(f16::from_f32);
-                    }
-                }
-            });
-        }
+        let n = lights.len();
+        let near = near(f, &lights, &media, samples, scale, s);
+        let data = wide(f, &lights, &near, s);
         Self { lights: n, places, scale, data }
     }
 
@@ -113,6 +111,160 @@ impl LightMeans {
     pub(crate) fn at(&self, place: usize, pixel: usize) -> [f32; 2] {
         self.data[pixel * self.lights + place].map(|v| v.to_f32() * self.scale)
     }
+}
+
+/// Means over 5x5 pixels of the same surface, as far as they are equal but for their noise, and the deviation of these means. With few
+/// samples a pixel all count; with many only those that show the same: stripes and the edge of a shadow are kept apart.
+fn near(f: &Features, lights: &[Asked], media: &[usize], samples: &Packed, scale: f32, s: &Gather) -> Vec<[f16; 2]> {
+    let (w, h, n) = (f.size.width, f.size.height, lights.len());
+    let mut data = vec![[f16::ZERO; 2]; f.size.pixels() * n];
+    if n == 0 {
+        return data;
+    }
+    let light: Vec<Plane<f32>> = (lights.iter())
+        .map(|light| par::plane(f.size, |x, y| luminance(samples.at(light.first, y * w + x)).clamp(-MOST, MOST)))
+        .collect();
+    par::rows(&mut data, w * n, |y, out| {
+        let found: Vec<_> = light.iter().map(|light| least_noise(light, y)).collect();
+        let mut sums = vec![[0.0f32; 5]; n];
+        let mut limits = vec![[0.0f32; 2]; n];
+        for x in 0..w {
+            sums.fill([0.0; 5]);
+            for (limit, (noise, mean)) in limits.iter_mut().zip(&found) {
+                let strong = noise[x] / (STRONG * STRONG * mean[x] * mean[x] + LEAST);
+                let strong = strong.min(STRONGEST);
+                // The spread of the pixels is noise as far as it is below this.
+                let bound = noise[x] * (LEAST_OF_FOUR + FEW * strong);
+                *limit = [EQUAL_PIXELS * noise[x] * (1.0 + strong), bound];
+            }
+            let mut medium = false;
+            for qy in (y as isize - RADIUS).max(0)..=(y as isize + RADIUS).min(h as isize - 1) {
+                for qx in (x as isize - RADIUS).max(0)..=(x as isize + RADIUS).min(w as isize - 1) {
+                    let (qx, qy) = (qx as usize, qy as usize);
+                    let q = qy * w + qx;
+                    let same = alike(f, y * w + x, q, s);
+                    medium |= media.iter().any(|first| samples.at(*first, q) != [0.0; 3]);
+                    for (k, sum) in sums.iter_mut().enumerate() {
+                        if same || !lights[k].bounded {
+                            let value = light[k].at(qx, qy);
+                            let (difference, t) = (value - light[k].at(x, y), limits[k][0]);
+                            let weight = t / (t + difference * difference + LEAST);
+                            let weight = if (qx, qy) == (x, y) { 1.0 } else { weight };
+                            *sum = [
+                                sum[0] + weight * value,
+                                sum[1] + weight * weight,
+                                sum[2] + weight,
+                                sum[3] + weight * value * value,
+                                sum[4] + 1.0,
+                            ];
+                        }
+                    }
+                }
+            }
+            for (k, out) in out[x * n..][..n].iter_mut().enumerate() {
+                let [first, squared, total, second, count] = sums[k];
+                let mean = first / total;
+                // Of one value alone the deviation is the value.
+                let variance = if count > 1.0 {
+                    let spread = (second / total - mean * mean).max(0.0) * count / (count - 1.0);
+                    spread.min(limits[k][1]) * squared / (total * total)
+                } else {
+                    mean * mean
+                };
+                let deviation = if lights[k].behind && !medium { FREE } else { variance.sqrt() / scale };
+                *out = [mean / scale, deviation].map(f16::from_f32);
+            }
+        }
+    });
+    data
+}
+
+/// Of the pixels of row `y` their variance and mean over 5x5 pixels. The variance is that of second differences along the direction in which they
+/// are least: what is smooth, and edges and stripes along one of four directions, is no noise.
+fn least_noise(light: &Plane<f32>, y: usize) -> (Vec<f32>, Vec<f32>) {
+    let (w, h) = (light.size().width, light.size().height);
+    let pad = RADIUS as usize + 1;
+    // Rows around, continued beyond the edges of the picture.
+    let rows: Vec<Vec<f32>> = (0..=2 * pad)
+        .map(|k| {
+            let row = light.row((y + k).saturating_sub(pad).min(h - 1));
+            (0..w + 2 * pad).map(|x| row[x.saturating_sub(pad).min(w - 1)]).collect()
+        })
+        .collect();
+    let mut least = vec![f32::MAX; w];
+    let mut column = vec![0.0f32; w + 2 * pad];
+    for (dx, dy) in [(1usize, 0isize), (0, 1), (1, 1), (1, -1)] {
+        column.fill(0.0);
+        for k in 1..2 * pad {
+            let (before, here, after) =
+                (&rows[(k as isize - dy) as usize], &rows[k], &rows[(k as isize + dy) as usize]);
+            for x in 1..w + 2 * pad - 1 {
+                let d = before[x - dx] - 2.0 * here[x] + after[x + dx];
+                column[x] += d * d;
+            }
+        }
+        for (x, least) in least.iter_mut().enumerate() {
+            let sum: f32 = column[x + 1..x + 2 * pad].iter().sum();
+            *least = least.min(sum);
+        }
+    }
+    let number = (2 * pad - 1) * (2 * pad - 1);
+    least.iter_mut().for_each(|sum| *sum /= SECOND_DIFFERENCE * number as f32);
+    column.fill(0.0);
+    for row in &rows[1..2 * pad] {
+        column.iter_mut().zip(row).for_each(|(sum, value)| *sum += value);
+    }
+    let mean = (0..w).map(|x| column[x + 1..x + 2 * pad].iter().sum::<f32>() / number as f32).collect();
+    (least, mean)
+}
+
+/// Means of the means of 5x5 windows side by side, as far as they are equal but for their noise: what few samples say of a broad change of
+/// the light is lost in the noise of 5x5 pixels.
+fn wide(f: &Features, lights: &[Asked], near: &[[f16; 2]], s: &Gather) -> Vec<[f16; 2]> {
+    let (w, h, n) = (f.size.width, f.size.height, lights.len());
+    let mut data = near.to_vec();
+    if n == 0 {
+        return data;
+    }
+    let at = |q: usize, light: usize| near[q * n + light].map(f16::to_f32);
+    par::rows(&mut data, w * n, |y, out| {
+        let mut sums = vec![[0.0f32; 3]; n];
+        for x in 0..w {
+            let p = y * w + x;
+            for (light, sum) in sums.iter_mut().enumerate() {
+                let [mean, deviation] = at(p, light);
+                *sum = [mean, deviation * deviation, 1.0];
+            }
+            for dy in -STEPS..=STEPS {
+                for dx in -STEPS..=STEPS {
+                    let (qx, qy) = (x as isize + dx * WINDOW, y as isize + dy * WINDOW);
+                    if (dx, dy) == (0, 0) || qx < 0 || qy < 0 || qx >= w as isize || qy >= h as isize {
+                        continue;
+                    }
+                    let q = qy as usize * w + qx as usize;
+                    let same = alike(f, p, q, s);
+                    for (light, sum) in sums.iter_mut().enumerate() {
+                        if same || !lights[light].bounded {
+                            let ([mean, deviation], [other, others]) = (at(p, light), at(q, light));
+                            let (noise, difference) = (deviation * deviation + others * others, other - mean);
+                            let t = EQUAL * noise;
+                            let weight = if noise > 0.0 { t / (t + difference * difference) } else { 0.0 };
+                            *sum =
+                                [sum[0] + weight * other, sum[1] + weight * weight * others * others, sum[2] + weight];
+                        }
+                    }
+                }
+            }
+            for (light, out) in out[x * n..][..n].iter_mut().enumerate() {
+                // Below 0: without noise.
+                if out[1] > f16::ZERO {
+                    let [mean, variance, total] = sums[light];
+                    *out = [mean / total, variance.sqrt() / total].map(f16::from_f32);
+                }
+            }
+        }
+    });
+    data
 }
 
 /// True where pixel `q` shows the surface of pixel `p`.
@@ -128,11 +280,4 @@ fn alike(f: &Features, p: usize, q: usize, s: &Gather) -> bool {
     let near = (b.inverse_depth - a.inverse_depth).abs() <= s.moving_depth * a.inverse_depth;
     let cosine: f32 = (0..3).map(|c| a.normal[c] * b.normal[c]).sum();
     near && (cosine >= s.plane_normal || (a.normal == [0.0; 3] && b.normal == [0.0; 3]))
-}
-
-/// Of the sum of some values, of their squares, and their number. Of one value alone the deviation is the value.
-fn mean_and_deviation([sum, squares, n]: [f32; 3]) -> [f32; 2] {
-    let mean = sum / n;
-    let variance = if n > 1.0 { (squares / n - mean * mean).max(0.0) / (n - 1.0) } else { mean * mean };
-    [mean, variance.sqrt()]
 }

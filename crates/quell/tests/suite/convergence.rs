@@ -137,7 +137,7 @@ fn errors(samples: usize, settings: SequenceSettings) -> [f64; 2] {
 }
 
 /// The error falls at every step. That it ends at the input's own, as it should, does not hold on this scene yet: at 4096 samples it is
-/// 9 times as large with the nets, twice with thresholds (stripes and bars that slide are taken for noise; docs/limits.md).
+/// larger with the nets, and with thresholds (stripes and bars that slide are taken for noise; docs/limits.md has the figures).
 #[test]
 fn more_samples_always_help() {
     let mut wrong = Vec::new();

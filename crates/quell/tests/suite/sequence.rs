@@ -473,14 +473,15 @@ fn what_a_mirror_shows_is_followed_by_its_own_motion() {
     let (noisy, followed) =
         (error(&run(&settings(&alone), (0..9).map(mirror))), error(&run(&settings(&gathered), (0..9).map(mirror))));
     assert!(followed < noisy / 2.5, "{followed} of {noisy}");
-    // A mirror that hides its colours is followed as a surface is: the canary.
+    // A mirror that hides its colours is followed as a surface is: the canary. It smears, as far as `gather` does not see that other
+    // frames show other light there.
     let blind = |t: i64| {
         let mut frame = mirror(t);
         frame.seen_albedo = Some(Plane::filled(size, [0.5; 3]));
         frame
     };
     let smeared = error(&run(&settings(&gathered), (0..9).map(blind)));
-    assert!(smeared > 2.0 * followed, "{smeared} and {followed}");
+    assert!(smeared > 1.5 * followed, "{smeared} and {followed}");
 }
 
 /// A wall that moves upwards, with a firefly, coverage and shared colour.
