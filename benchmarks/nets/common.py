@@ -65,10 +65,14 @@ def figures(x, r):
     return float(error[: int(len(error) * 0.999)].mean()), float(change), float(((x - r).abs() / (r + 0.1)).mean())
 
 
+def compressed(error):
+    return MOST * torch.log1p(error / MOST)
+
+
 def loss(x, r, base, flicker=4.0):
     """Of each pixel, in units of the best candidate's `figures`. The error of the logarithm stands for flicker."""
-    squared = torch.clamp(relative(x, r) / base[..., 0], max=MOST)
-    change = torch.clamp((logarithm(x) - logarithm(r)) ** 2 / base[..., 1] ** 2, max=MOST)
+    squared = compressed(relative(x, r) / base[..., 0])
+    change = compressed((logarithm(x) - logarithm(r)) ** 2 / base[..., 1] ** 2)
     absolute = ((x - r).abs() / (r + 0.1)).mean(-1) / base[..., 2]
     return squared + flicker * change + absolute + 0.3 * torch.sqrt(squared + 1e-6)
 
