@@ -64,7 +64,7 @@ pub use scene::{
 };
 pub use tracer::{
     Control, Estimator, Half, HalfSignals, Reference, ReferenceKind, RenderOptions, Rendered, SIZE_LIMIT,
-    TRACER_VERSION, TraceError, Tracer, scene_hash,
+    TRACER_VERSION, TraceError, Tracer, jitter_of, scene_hash,
 };
 pub use track::Track;
 

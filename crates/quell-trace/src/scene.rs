@@ -436,6 +436,15 @@ impl Scene {
         index
     }
 
+    /// Whether anything but cameras may differ between frames: transforms, vertices, lamps, the environment.
+    pub fn moves(&self) -> bool {
+        let placed = |i: &Instance| !i.transform.is_constant() || !i.emission_scale.is_constant();
+        self.instances.iter().any(placed)
+            || self.meshes.iter().any(|m| m.deform.is_some())
+            || self.lights.iter().any(|l| !l.is_constant())
+            || !self.environment_scale.is_constant()
+    }
+
     /// The same scene in another unit: all lengths times `factor`, emitted radiance unchanged.
     pub fn scaled(&self, factor: f32) -> Self {
         let scale = Affine3A::from_scale(Vec3::splat(factor));

@@ -120,11 +120,16 @@ impl<'s> World<'s> {
     /// # Errors
     /// Indices that name nothing; positions, transforms or lights that are not finite.
     pub(crate) fn new(scene: &'s Scene, frame: i64) -> Result<Self, SceneError> {
+        let now = frame as f64;
+        Self::between(scene, now - 1.0, now)
+    }
+
+    /// The scene at time `now`, in frames, and where it was at `before`.
+    pub(crate) fn between(scene: &'s Scene, before: f64, now: f64) -> Result<Self, SceneError> {
         check_indices(scene)?;
         appearance::prepare_images(scene);
         let materials: Vec<Material> = scene.surfaces.iter().map(appearance::plain_material).collect();
-        let now = frame as f64;
-        let before = now - 1.0;
+        let frame = now.floor() as i64;
         let not_finite = |what: String| SceneError::NotFinite { what, frame };
         let mut placed = Vec::with_capacity(scene.instances.len());
         let mut triangles = Vec::new();

@@ -4,9 +4,23 @@
 use crate::error::Error;
 use std::ops::RangeInclusive;
 
+/// What values a parameter takes: for sliders and switches that are made from a table.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Kind {
+    /// A number from the first to the second.
+    Number(f32, f32),
+    /// A whole number from the first to the second.
+    Whole(u32, u32),
+    /// On or off.
+    Switch,
+    /// One of these names.
+    Choice(&'static [&'static str]),
+}
+
 /// A type that a parameter can have.
 pub(crate) trait Value: Sized {
     type Range;
+    fn kind(range: &Self::Range) -> Kind;
     fn parse(text: &str, range: &Self::Range) -> Option<Self>;
     fn format(&self) -> String;
     fn describe(range: &Self::Range) -> String;
@@ -16,6 +30,9 @@ pub(crate) trait Value: Sized {
 
 impl Value for f32 {
     type Range = RangeInclusive<f32>;
+    fn kind(range: &Self::Range) -> Kind {
+        Kind::Number(*range.start(), *range.end())
+    }
     fn parse(text: &str, range: &Self::Range) -> Option<Self> {
         text.trim().parse().ok().filter(|v: &f32| v.is_finite() && range.contains(v))
     }
@@ -34,6 +51,9 @@ impl Value for f32 {
 
 impl Value for u32 {
     type Range = RangeInclusive<u32>;
+    fn kind(range: &Self::Range) -> Kind {
+        Kind::Whole(*range.start(), *range.end())
+    }
     fn parse(text: &str, range: &Self::Range) -> Option<Self> {
         text.trim().parse().ok().filter(|v| range.contains(v))
     }
@@ -51,6 +71,9 @@ impl Value for u32 {
 
 impl Value for bool {
     type Range = ();
+    fn kind((): &()) -> Kind {
+        Kind::Switch
+    }
     fn parse(text: &str, (): &()) -> Option<Self> {
         match text.trim() {
             "on" | "true" | "1" | "yes" => Some(true),
@@ -77,6 +100,9 @@ macro_rules! choices {
 
         impl $crate::parameter::Value for $name {
             type Range = ();
+            fn kind((): &()) -> $crate::parameter::Kind {
+                $crate::parameter::Kind::Choice(&[$($text),+])
+            }
             fn parse(text: &str, (): &()) -> Option<Self> {
                 match text.trim() { $( $text => Some(Self::$variant), )+ _ => None }
             }
@@ -109,6 +135,7 @@ pub struct Parameter<S: 'static = crate::settings::Settings> {
     pub lower: &'static str,
     /// Mark and source.
     pub source: &'static str,
+    pub(crate) kind: fn() -> Kind,
     pub(crate) describe: fn() -> String,
     pub(crate) samples: fn() -> Vec<String>,
     pub(crate) get: fn(&S) -> String,
@@ -119,6 +146,11 @@ impl<S> Parameter<S> {
     /// Kind and range in words.
     pub fn range(&self) -> String {
         (self.describe)()
+    }
+
+    /// Kind and range.
+    pub fn kind(&self) -> Kind {
+        (self.kind)()
     }
 
     /// Some values inside the range, the ends among them.
@@ -195,6 +227,7 @@ macro_rules! parameters {
             higher: $higher,
             lower: $lower,
             source: $source,
+            kind: || <$T as $crate::parameter::Value>::kind(&$range),
             describe: || <$T as $crate::parameter::Value>::describe(&$range),
             samples: || <$T as $crate::parameter::Value>::samples(&$range),
             get: |s| $crate::parameter::Value::format(&s.$group.$field),

@@ -6,7 +6,7 @@
 //! lengths are relative to view depth, or to the size of a pixel at that depth.
 
 use crate::error::Error;
-pub use crate::parameter::{Parameter, nearest};
+pub use crate::parameter::{Kind, Parameter, nearest};
 use crate::parameter::{choices, parameters};
 
 /// Rows at which radii in pixels are meant.
@@ -363,6 +363,48 @@ impl Settings {
     }
 }
 
+/// The settings with one part of the system switched off.
+#[derive(Clone, Copy, Debug)]
+pub struct Ablation {
+    /// As in `quell:paper+no-virtual`.
+    pub name: &'static str,
+    /// As on a page.
+    pub title: &'static str,
+    /// Switches the part off.
+    pub apply: fn(Settings) -> Settings,
+}
+
+/// The talk's ablations, and the one of stage 6.
+pub const ABLATIONS: &[Ablation] = &[
+    Ablation { name: "no-denoising", title: "Without denoising", apply: Settings::without_denoising },
+    Ablation { name: "no-spatial", title: "Without spatial filters", apply: Settings::without_spatial_filters },
+    Ablation { name: "no-temporal", title: "Without temporal filters", apply: Settings::without_temporal_filters },
+    Ablation {
+        name: "no-disocclusion",
+        title: "Without disocclusion detection",
+        apply: |mut s| {
+            s.disocclusion.enabled = false;
+            s
+        },
+    },
+    Ablation {
+        name: "no-firefly",
+        title: "Without firefly suppression",
+        apply: |mut s| {
+            s.firefly.enabled = false;
+            s
+        },
+    },
+    Ablation {
+        name: "no-virtual",
+        title: "Without virtual reprojection",
+        apply: |mut s| {
+            s.glossy_temporal.virtual_reprojection = false;
+            s
+        },
+    },
+];
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -379,6 +421,13 @@ mod tests {
             let default = settings.get(p.name).unwrap();
             settings.set(p.name, &default).unwrap();
             assert_eq!(settings, Settings::default(), "{}", p.name);
+            let kind_fits = match p.kind() {
+                Kind::Number(a, b) => p.range() == format!("a number from {a} to {b}"),
+                Kind::Whole(a, b) => p.range() == format!("a whole number from {a} to {b}"),
+                Kind::Switch => p.range() == "on or off",
+                Kind::Choice(names) => p.samples() == names,
+            };
+            assert!(kind_fits, "{}", p.name);
             for sample in p.samples() {
                 settings.set(p.name, &sample).unwrap();
                 assert_eq!(settings.get(p.name).unwrap(), sample, "{}", p.name);

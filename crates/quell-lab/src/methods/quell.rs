@@ -5,49 +5,8 @@
 use super::{Input, Method};
 use crate::backend::{Backend, Denoiser};
 use crate::error::Error;
+pub use quell::settings::{ABLATIONS, Ablation};
 use quell::{Plane, Preset, Rgb, Settings};
-
-/// The talk's ablations: name in a method, title, what is switched off.
-pub const ABLATIONS: &[Ablation] = &[
-    Ablation { name: "no-denoising", title: "Without denoising", apply: Settings::without_denoising },
-    Ablation { name: "no-spatial", title: "Without spatial filters", apply: Settings::without_spatial_filters },
-    Ablation { name: "no-temporal", title: "Without temporal filters", apply: Settings::without_temporal_filters },
-    Ablation {
-        name: "no-disocclusion",
-        title: "Without disocclusion detection",
-        apply: |mut s| {
-            s.disocclusion.enabled = false;
-            s
-        },
-    },
-    Ablation {
-        name: "no-firefly",
-        title: "Without firefly suppression",
-        apply: |mut s| {
-            s.firefly.enabled = false;
-            s
-        },
-    },
-    Ablation {
-        name: "no-virtual",
-        title: "Without virtual reprojection",
-        apply: |mut s| {
-            s.glossy_temporal.virtual_reprojection = false;
-            s
-        },
-    },
-];
-
-/// One of [`ABLATIONS`].
-#[derive(Clone, Copy)]
-pub struct Ablation {
-    /// As in `quell:paper+no-virtual`.
-    pub name: &'static str,
-    /// As on a page.
-    pub title: &'static str,
-    /// Switches the part off.
-    pub apply: fn(Settings) -> Settings,
-}
 
 /// quell, by default on the fast back end of the CPU.
 pub struct Quell {

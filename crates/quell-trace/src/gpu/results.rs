@@ -2,7 +2,8 @@
 
 use super::layout;
 use crate::integrator::RayCounts;
-use crate::tracer::{HalfSignals, Reference, ReferenceKind, RenderOptions, Rendered, TraceError, Tracer};
+use crate::primary::Views;
+use crate::tracer::{HalfSignals, Reference, ReferenceKind, RenderOptions, Rendered};
 use quell::{FrameBuf, Plane, Rgb, Size};
 use std::ops::Range;
 
@@ -61,19 +62,15 @@ where
 }
 
 impl FrameResult {
-    /// An empty frame of what `tracer` shows.
-    ///
-    /// # Errors
-    /// A size or a camera that cannot be used.
-    pub(super) fn new(tracer: &Tracer<'_>, options: &RenderOptions) -> Result<Self, TraceError> {
+    /// An empty frame.
+    pub(super) fn new(options: &RenderOptions, views: &Views, number: i64, notes: Vec<String>) -> Self {
         let size = options.size;
-        let views = tracer.views(size, options.jitter)?;
         let black = || Some(Plane::filled(size, [0.0; 3]));
         let zero = || Some(Plane::filled(size, 0.0));
         let variances = options.variances && options.samples > 1;
         let mut frame = FrameBuf::new(size, views.camera);
         frame.previous_camera = views.previous_camera;
-        frame.index = tracer.frame();
+        frame.index = number;
         frame.direct = black();
         frame.matte = black();
         frame.glossy = black();
@@ -90,8 +87,7 @@ impl FrameResult {
         frame.glossy_variance = zero().filter(|_| variances);
         let half = || HalfSignals { matte: Plane::filled(size, [0.0; 3]), glossy: Plane::filled(size, [0.0; 3]) };
         let halves = options.separate_halves().then(|| [half(), half()]);
-        let notes = tracer.notes(options.primary_replacement);
-        Ok(Self { frame, halves, rays: RayCounts::default(), notes })
+        Self { frame, halves, rays: RayCounts::default(), notes }
     }
 
     /// Takes the results of a band: what its planes held.

@@ -107,6 +107,15 @@ pub(super) fn source(variant: Variant) -> String {
     text
 }
 
+/// The program that makes textures of planes.
+pub(super) fn planes_source() -> String {
+    let text = include_str!("planes.wgsl");
+    let is_read = |name: &str| text.split(|c: char| !c.is_ascii_alphanumeric() && c != '_').any(|word| word == name);
+    let read = WHOLE.iter().filter(|(name, _)| is_read(name));
+    let constants: String = read.map(|(name, value)| format!("const {name}: u32 = {value}u;\n")).collect();
+    constants + text
+}
+
 fn constants(v: Variant) -> String {
     let mut text = String::new();
     let mut declare = |name: &str, kind: &str, value: String| {

@@ -75,7 +75,19 @@ impl<'s> Tracer<'s> {
     /// # Errors
     /// A camera that does not exist or cannot be used; indices that name nothing; values that are not finite.
     pub fn new(scene: &'s Scene, frame: i64, camera: usize) -> Result<Self, SceneError> {
-        let world = World::new(scene, frame)?;
+        Self::of_world(scene, World::new(scene, frame)?, frame, camera)
+    }
+
+    /// The same for any times: the scene as it is at `now`, counted in frames, which stood at `before` in the frame that was
+    /// shown before. Equal times: nothing moves. For hosts that play, stop and slow down time themselves.
+    ///
+    /// # Errors
+    /// As [`Tracer::new`].
+    pub fn between(scene: &'s Scene, before: f64, now: f64, camera: usize) -> Result<Self, SceneError> {
+        Self::of_world(scene, World::between(scene, before, now)?, now.floor() as i64, camera)
+    }
+
+    fn of_world(scene: &'s Scene, world: World<'s>, frame: i64, camera: usize) -> Result<Self, SceneError> {
         let sources = Sources::new(&world, scene);
         let tracer = Self { scene, world, sources, frame, camera };
         tracer.views(Size::new(1, 1), false)?;
@@ -179,8 +191,8 @@ impl<'s> Tracer<'s> {
     }
 }
 
-/// Where the samples of a frame lie within their pixels: Halton's sequence in bases 2 and 3 around the centre.
-fn jitter_of(frame: i64) -> [f32; 2] {
+/// Where the samples of a frame lie within their pixels: Halton's sequence in bases 2 and 3 around the centre, in pixels.
+pub fn jitter_of(frame: i64) -> [f32; 2] {
     /// Frames after which the positions repeat.
     const PERIOD: i64 = 16;
     let index = frame.rem_euclid(PERIOD) as u32 + 1;

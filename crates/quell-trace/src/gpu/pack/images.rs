@@ -15,17 +15,21 @@ pub(super) struct Levels {
     pub(super) extent: [u32; 2],
 }
 
-pub(super) struct Images {
+pub(in crate::gpu) struct Images {
     /// By image and encoding.
     levels: Vec<[Option<Levels>; 2]>,
-    pub(super) texels: Vec<[u8; 4]>,
+    /// What attributes begin with: the curve of sRGB and the levels.
+    pub(super) table: Vec<u32>,
+    pub(in crate::gpu) texels: Vec<[u8; 4]>,
+    /// Layers of the texture; at least one.
+    pub(in crate::gpu) layers: u32,
 }
 
 impl Images {
-    /// Lists the levels that the scene's textures read in `attributes`, which begin with the curve of sRGB.
-    pub(super) fn new(scene: &Scene, attributes: &mut Vec<u32>) -> Self {
-        attributes.extend(linear_of_srgb().map(f32::to_bits));
-        let mut images = Self { levels: vec![[None; 2]; scene.images.len()], texels: Vec::new() };
+    /// The levels that the scene's textures read.
+    pub(in crate::gpu) fn new(scene: &Scene) -> Self {
+        let table = linear_of_srgb().map(f32::to_bits).to_vec();
+        let mut images = Self { levels: vec![[None; 2]; scene.images.len()], table, texels: Vec::new(), layers: 1 };
         let mut bases = vec![None; scene.images.len()];
         for textures in scene.surfaces.iter().filter_map(|s| s.textures.as_deref()) {
             let uses = [
@@ -41,17 +45,18 @@ impl Images {
                 let Some(number) = texture.map(|t| t.image) else { continue };
                 let Some(image) = scene.images.get(number) else { continue };
                 if images.levels[number][encoding as usize].is_none() {
-                    let levels = images.add(image, encoding, &mut bases[number], attributes);
+                    let levels = images.add(image, encoding, &mut bases[number]);
                     images.levels[number][encoding as usize] = Some(levels);
                 }
             }
         }
+        images.layers = (images.texels.len().div_ceil((HEAP_WIDTH * HEAP_WIDTH) as usize) as u32).max(1);
         images
     }
 
     /// `base` is where the finest level lies, which both encodings share.
-    fn add(&mut self, image: &Image, encoding: Encoding, base: &mut Option<u32>, attributes: &mut Vec<u32>) -> Levels {
-        let table = attributes.len() as u32;
+    fn add(&mut self, image: &Image, encoding: Encoding, base: &mut Option<u32>) -> Levels {
+        let table = self.table.len() as u32;
         let mut count = 0;
         for (width, height, texels) in image.levels(encoding) {
             let first = match (count, *base) {
@@ -65,7 +70,7 @@ impl Images {
             if count == 0 {
                 *base = Some(first);
             }
-            attributes.extend([first, width as u32, height as u32]);
+            self.table.extend([first, width as u32, height as u32]);
             count += 1;
         }
         Levels { table, count, extent: [image.width() as u32, image.height() as u32] }
@@ -73,10 +78,5 @@ impl Images {
 
     pub(super) fn levels(&self, image: usize, encoding: Encoding) -> Option<Levels> {
         self.levels.get(image)?[encoding as usize]
-    }
-
-    /// Layers of the texture; at least one.
-    pub(super) fn layers(&self) -> u32 {
-        (self.texels.len().div_ceil((HEAP_WIDTH * HEAP_WIDTH) as usize) as u32).max(1)
     }
 }

@@ -30,8 +30,6 @@ pub(super) struct Packed {
     pub(super) instances: Vec<layout::Instance>,
     pub(super) surfaces: Vec<layout::Surface>,
     pub(super) lights: Vec<layout::Row>,
-    pub(super) texels: Vec<[u8; 4]>,
-    pub(super) layers: u32,
     pub(super) light_parts: layout::Lights,
     pub(super) triangle_count: u32,
     pub(super) units: [f32; 2],
@@ -39,17 +37,15 @@ pub(super) struct Packed {
 }
 
 impl Packed {
-    pub(super) fn new(tracer: &Tracer<'_>) -> Self {
+    /// `images` are those of the scene.
+    pub(super) fn new(tracer: &Tracer<'_>, images: &Images) -> Self {
         let (world, sources) = (&tracer.world, &tracer.sources);
         let geometry = &world.geometry;
-        let mut attributes = Vec::new();
-        let images = Images::new(world.scene, &mut attributes);
-        let mut attributes = Attributes(attributes);
+        let mut attributes = Attributes(images.table.clone());
         let instances = surfaces::instances(world, &mut attributes);
-        let surfaces = surfaces::surfaces(world, &images);
+        let surfaces = surfaces::surfaces(world, images);
         let (lights, light_parts) = lights::lights(sources);
         let has_map = sources.environment.as_ref().is_some_and(|e| matches!(e.background, Background::Map(_)));
-        let layers = images.layers();
         Self {
             nodes: geometry::nodes(geometry),
             triangles: geometry::triangles(geometry, &sources.emitter_of),
@@ -57,8 +53,6 @@ impl Packed {
             instances,
             surfaces,
             lights,
-            texels: images.texels,
-            layers,
             light_parts,
             triangle_count: geometry.len() as u32,
             units: [geometry.inner_from_world, geometry.world_from_inner],
