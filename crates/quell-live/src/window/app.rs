@@ -1,0 +1,435 @@
+//! What is open, what is shown, and the frame that is asked of the engine.
+
+use super::drive::{Drive, Marks};
+use crate::choice::Choice;
+use crate::clock::Times;
+use crate::engine::{Engine, Made, Sight};
+use crate::error::LiveError;
+use crate::pilot::{Mode, Pilot};
+use crate::shot::Shot;
+use crate::stage::Stage;
+use eframe::egui;
+use eframe::egui_wgpu::RenderState;
+use quell::Size;
+use quell::gpu::wgpu;
+use std::collections::VecDeque;
+use std::path::PathBuf;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::Receiver;
+use std::sync::{Arc, Mutex, PoisonError};
+
+/// Frames whose times are kept.
+pub(super) const HISTORY: usize = 120;
+/// Frames a second of what moves.
+pub(super) const SCENE_RATE: f64 = 24.0;
+/// The window has had a size for so long before pictures take it, seconds.
+const SETTLED: f64 = 0.15;
+
+type Opened = Result<(Stage, Vec<String>), LiveError>;
+
+/// A scene that is being opened.
+pub(super) struct Opening {
+    pub(super) name: String,
+    /// Where it arrives from another thread.
+    arrives: Receiver<Opened>,
+}
+
+/// How a program is begun.
+#[derive(Clone, Debug)]
+pub(super) struct Start {
+    /// A built-in scene, or a file's path.
+    pub(super) source: String,
+    /// Pixels of the picture for each of the window's, along both axes.
+    pub(super) scale: Option<f32>,
+    /// The picture's own extent, whatever the window's is.
+    pub(super) size: Option<Size>,
+    /// Where files are written.
+    pub(super) folder: PathBuf,
+    pub(super) script: Option<String>,
+}
+
+/// A view that was saved.
+pub(super) struct Saved {
+    pub(super) pilot: Pilot,
+    pub(super) time: f64,
+}
+
+/// What a device said by itself.
+pub(super) type Trouble = Arc<Mutex<Option<String>>>;
+
+/// The program.
+pub(super) struct App {
+    pub(super) device: wgpu::Device,
+    pub(super) queue: wgpu::Queue,
+    renderer: Arc<eframe::egui::mutex::RwLock<eframe::egui_wgpu::Renderer>>,
+    pub(super) adapter: String,
+    pub(super) engine: Engine,
+    pub(super) texture: egui::TextureId,
+    pub(super) choice: Choice,
+    pub(super) pilot: Option<Pilot>,
+    pub(super) saved: Vec<Saved>,
+    pub(super) name: String,
+    pub(super) opening: Option<Opening>,
+    /// What a user should know of the scene.
+    pub(super) notes: Vec<String>,
+    /// What went wrong last.
+    pub(super) error: Option<String>,
+    /// What was done last.
+    pub(super) said: Option<String>,
+    pub(super) time: f64,
+    pub(super) is_playing: bool,
+    pub(super) speed: f32,
+    pub(super) is_stopped: bool,
+    pub(super) scale: f32,
+    size: Option<Size>,
+    folder: PathBuf,
+    /// The extent that the window asks for, and since when.
+    asked: (Size, f64),
+    pub(super) pointer: [u32; 2],
+    pub(super) last: Option<Made>,
+    pub(super) times: Times,
+    /// Seconds from frame to frame.
+    pub(super) history: VecDeque<f32>,
+    shown_at: Option<f64>,
+    is_busy: Arc<AtomicBool>,
+    shot: Option<(Shot, PathBuf)>,
+    pub(super) trouble: Trouble,
+    pub(super) marks: Marks,
+    pub(super) drive: Option<Drive>,
+    pub(super) shows_panel: bool,
+    started: bool,
+}
+
+impl App {
+    pub(super) fn new(state: &RenderState, start: Start, trouble: Trouble) -> Result<Self, LiveError> {
+        let (device, queue) = (state.device.clone(), state.queue.clone());
+        let info = state.adapter.get_info();
+        let is_software = info.device_type == wgpu::DeviceType::Cpu;
+        let noted = Arc::clone(&trouble);
+        device.on_uncaptured_error(Arc::new(move |error: wgpu::Error| {
+            let words = match error {
+                wgpu::Error::OutOfMemory { .. } => {
+                    "the device's memory ran out: choose a smaller scale or another scene".to_owned()
+                }
+                wgpu::Error::Validation { description, .. } | wgpu::Error::Internal { description, .. } => {
+                    format!("the device refused a command, which is a fault of quell or of the driver: {description}")
+                }
+            };
+            noted.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert(words);
+        }));
+        let size = start.size.unwrap_or(Size::new(64, 36));
+        let engine = Engine::new(&device, &queue, size)?;
+        let texture =
+            state.renderer.write().register_native_texture(&device, engine.picture(), wgpu::FilterMode::Nearest);
+        let mut app = Self {
+            adapter: if is_software { format!("{} (software: slow)", info.name) } else { info.name },
+            renderer: Arc::clone(&state.renderer),
+            engine,
+            texture,
+            choice: Choice::default(),
+            pilot: None,
+            saved: Vec::new(),
+            name: String::new(),
+            opening: None,
+            notes: Vec::new(),
+            error: None,
+            said: None,
+            time: 0.0,
+            is_playing: true,
+            speed: 1.0,
+            is_stopped: false,
+            // A device in software traces a sixteenth of the pixels.
+            scale: start.scale.unwrap_or(if is_software { 0.25 } else { 1.0 }),
+            size: start.size,
+            folder: start.folder,
+            asked: (size, 0.0),
+            pointer: [0; 2],
+            last: None,
+            times: Times::default(),
+            history: VecDeque::new(),
+            shown_at: None,
+            is_busy: Arc::default(),
+            shot: None,
+            trouble,
+            marks: Marks::default(),
+            drive: start.script.map(|script| Drive::new(&script)),
+            shows_panel: true,
+            started: false,
+            device,
+            queue,
+        };
+        if is_software {
+            app.choice.tracing.direct_samples = 4;
+        }
+        app.open(start.source);
+        Ok(app)
+    }
+
+    /// Opens a scene; the last one stays until it is ready, or for good where it is refused.
+    pub(super) fn open(&mut self, name: String) {
+        self.error = None;
+        let (send, arrives) = std::sync::mpsc::channel();
+        let (device, queue) = (self.device.clone(), self.queue.clone());
+        let kernels = Arc::clone(self.engine.kernels());
+        let options = self.engine.options(self.choice.tracing);
+        let source = name.clone();
+        std::thread::spawn(move || {
+            let opened = crate::open(&source)
+                .and_then(|(scene, notes)| Ok((Stage::new(&device, &queue, &kernels, scene, &options)?, notes)));
+            // Nobody waits for it any more where another scene was asked for meanwhile.
+            let _ = send.send(opened);
+        });
+        self.opening = Some(Opening { name, arrives });
+    }
+
+    /// Takes a scene that has arrived.
+    fn arrive(&mut self) {
+        let Some(opening) = &self.opening else { return };
+        let opened = match opening.arrives.try_recv() {
+            Ok(opened) => opened,
+            Err(std::sync::mpsc::TryRecvError::Empty) => return,
+            Err(std::sync::mpsc::TryRecvError::Disconnected) => {
+                Err(LiveError::Device(format!("opening {} ended without a word", opening.name)))
+            }
+        };
+        let name = opening.name.clone();
+        self.opening = None;
+        let pilot = opened.and_then(|(stage, notes)| {
+            let pilot = Pilot::at(stage.scene(), 1, 0.0, Mode::Path)?;
+            Ok((stage, notes, pilot))
+        });
+        match pilot {
+            Ok((stage, mut notes, pilot)) => {
+                notes.extend(stage.notes().iter().cloned());
+                self.engine.set_stage(stage);
+                self.pilot = Some(pilot);
+                (self.name, self.notes, self.time) = (name, notes, 0.0);
+                self.saved.clear();
+                self.last = None;
+            }
+            Err(error) => {
+                let words = error.to_string();
+                // Errors of files begin with their names.
+                self.error = Some(if words.starts_with(&name) { words } else { format!("{name}: {words}") });
+            }
+        }
+    }
+
+    /// Where time stands, after a frame that took so long.
+    fn go_on(&mut self, seconds: f64) {
+        if self.is_playing && self.drive.is_none() {
+            self.time += seconds.min(0.25) * SCENE_RATE * f64::from(self.speed);
+        } else if self.is_playing {
+            // The same frames in every run of a script.
+            self.time += f64::from(self.speed);
+        }
+        // Then from the start: a cut.
+        let frames = self.engine.stage().map_or(0, |stage| stage.scene().frames) as f64;
+        if frames > 0.0 && self.time >= frames {
+            self.time = 0.0;
+            self.engine.reset();
+        }
+    }
+
+    /// Pictures of the extent that the window asks for, once it has settled. `asked` in pixels of the screen.
+    pub(super) fn fit(&mut self, asked: [f32; 2], now: f64) {
+        let side = |v: f32| ((v * self.scale).round() as usize).max(1);
+        let most = self.device.limits().max_texture_dimension_2d as usize;
+        let size = self.size.unwrap_or(Size::new(side(asked[0]).min(most), side(asked[1]).min(most)));
+        if size != self.asked.0 {
+            self.asked = (size, now);
+        }
+        let has_settled = now - self.asked.1 >= SETTLED || !self.started || self.drive.is_some();
+        if size == self.engine.size() || !has_settled || self.shot.is_some() {
+            return;
+        }
+        match self.engine.resize(size) {
+            Ok(()) => {
+                let mut renderer = self.renderer.write();
+                let (view, filter) = (self.engine.picture(), wgpu::FilterMode::Nearest);
+                renderer.update_egui_texture_from_wgpu_texture(&self.device, view, filter, self.texture);
+                self.last = None;
+            }
+            Err(error) => self.error = Some(error.to_string()),
+        }
+        self.started = true;
+    }
+
+    /// A frame, if the last one is done.
+    pub(super) fn make(&mut self, now: f64) {
+        self.arrive();
+        self.times = self.engine.times();
+        if self.is_stopped || self.is_busy.load(Ordering::Acquire) {
+            return;
+        }
+        let (Some(stage), Some(pilot)) = (self.engine.stage(), &mut self.pilot) else { return };
+        let scene = Arc::clone(stage.scene());
+        pilot.follow(&scene, self.time);
+        let camera = match pilot.view(&scene, self.time, self.engine.size()) {
+            Ok(camera) => camera,
+            Err(error) => {
+                self.error = Some(error.to_string());
+                return;
+            }
+        };
+        let sight = Sight { camera, time: self.time, pointer: self.pointer };
+        self.choice.tidy();
+        let mut encoder = self.device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("live") });
+        match self.engine.encode(&mut encoder, &sight, &self.choice) {
+            Ok(made) => self.last = Some(made),
+            Err(error) => {
+                self.error = Some(error.to_string());
+                return;
+            }
+        }
+        self.queue.submit([encoder.finish()]);
+        self.is_busy.store(true, Ordering::Release);
+        let is_busy = Arc::clone(&self.is_busy);
+        self.queue.on_submitted_work_done(move || is_busy.store(false, Ordering::Release));
+        if let Some(before) = self.shown_at {
+            self.history.push_back((now - before) as f32);
+            if self.history.len() > HISTORY {
+                self.history.pop_front();
+            }
+            self.go_on(now - before);
+        }
+        self.shown_at = Some(now);
+    }
+
+    /// Begins a picture's way to a file.
+    pub(super) fn save_picture(&mut self) {
+        if self.shot.is_some() || self.last.is_none() {
+            return;
+        }
+        let mut encoder = self.device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("shot") });
+        let shot = Shot::new(&self.device, &mut encoder, self.engine.picture().texture());
+        self.queue.submit([encoder.finish()]);
+        self.shot = Some((shot, self.file("png")));
+    }
+
+    /// A name that says what is shown.
+    pub(super) fn file(&self, extension: &str) -> PathBuf {
+        let stem: String = std::path::Path::new(&self.name).file_stem().map_or_else(String::new, |stem| {
+            stem.to_string_lossy().chars().map(|c| if c.is_alphanumeric() || c == '-' { c } else { '_' }).collect()
+        });
+        let number = self.last.map_or(0, |made| made.number);
+        self.folder.join(format!("{stem}-{number:05}.{extension}"))
+    }
+
+    /// Ends it, once the pixels are there.
+    fn finish_shot(&mut self) {
+        let Some(pixels) = self.shot.as_ref().and_then(|(shot, _)| shot.take()) else { return };
+        let Some((shot, path)) = self.shot.take() else { return };
+        let size = shot.size();
+        let written = png(size, &pixels).and_then(|bytes| {
+            quell_frames::files::write_bytes(&path, &bytes).map_err(|error| LiveError::Write(error.to_string()))
+        });
+        match written {
+            Ok(()) => self.said = Some(format!("wrote {}", path.display())),
+            Err(error) => self.error = Some(error.to_string()),
+        }
+    }
+
+    /// The last frame's planes as a file.
+    pub(super) fn save_planes(&mut self) {
+        let path = self.file("exr");
+        match super::native::write_planes(self, &path) {
+            Ok(()) => self.said = Some(format!("wrote {}", path.display())),
+            Err(error) => self.error = Some(error.to_string()),
+        }
+    }
+
+    /// What a test asks for.
+    pub(super) fn report(&self) -> serde_json::Value {
+        let size = self.engine.size();
+        let pilot = self.pilot.as_ref();
+        serde_json::json!({
+            "scene": self.name,
+            "opening": self.opening.as_ref().map(|o| o.name.clone()),
+            "error": self.error,
+            "said": self.said,
+            "frame": self.last.map(|made| made.number),
+            "converged": self.last.map(|made| made.converged),
+            "size": [size.width, size.height],
+            "panes": self.choice.panes.iter().map(|p| p.name()).collect::<Vec<_>>(),
+            "splits": self.choice.splits,
+            "paths": self.choice.tracing.paths,
+            "ablations": self.choice.ablations,
+            "camera": pilot.map(|p| format!("{:?}", p.mode)),
+            "eye": pilot.map(|p| p.eye().to_array()),
+            "forward": pilot.map(|p| p.forward().to_array()),
+            "time": self.time,
+            "settings": quell::settings::PARAMETERS.iter().map(|p| {
+                (p.name.to_owned(), self.choice.settings.get(p.name).unwrap_or_default().into())
+            }).collect::<serde_json::Map<String, serde_json::Value>>(),
+            "milliseconds": self.times.sum(),
+            "marks": self.marks.report(),
+        })
+    }
+}
+
+/// A picture of four bytes a pixel as a PNG file, alpha left out.
+fn png(size: Size, pixels: &[u8]) -> Result<Vec<u8>, LiveError> {
+    use image::ImageEncoder;
+    if pixels.len() != 4 * size.pixels() {
+        return Err(LiveError::Device("the device did not hand over the picture".to_owned()));
+    }
+    let rgb: Vec<u8> = pixels.chunks_exact(4).flat_map(|p| [p[0], p[1], p[2]]).collect();
+    let mut bytes = Vec::new();
+    let encoder = image::codecs::png::PngEncoder::new(&mut bytes);
+    let kind = image::ExtendedColorType::Rgb8;
+    encoder
+        .write_image(&rgb, size.width as u32, size.height as u32, kind)
+        .map_err(|error| LiveError::Write(error.to_string()))?;
+    Ok(bytes)
+}
+
+impl eframe::App for App {
+    fn raw_input_hook(&mut self, _: &egui::Context, input: &mut egui::RawInput) {
+        if let Some(mut drive) = self.drive.take() {
+            drive.before_frame(self, input);
+            self.drive = Some(drive);
+        }
+    }
+
+    fn ui(&mut self, ui: &mut egui::Ui, _: &mut eframe::Frame) {
+        let ctx = ui.ctx().clone();
+        let now = ctx.input(|i| i.time);
+        // Callbacks are heard; nothing is waited for. A device that is lost says so by its own callback.
+        let _ = self.device.poll(wgpu::PollType::Poll);
+        let dropped = ctx.input(|i| i.raw.dropped_files.clone());
+        for file in dropped {
+            self.open(file.path().to_string_lossy().into_owned());
+        }
+        if let Some(words) = self.trouble.lock().unwrap_or_else(PoisonError::into_inner).take() {
+            self.error = Some(words);
+        }
+        self.marks.begin();
+        self.keys(&ctx);
+        if self.shows_panel {
+            self.panel(ui);
+        }
+        self.picture(ui, now);
+        self.make(now);
+        self.finish_shot();
+        if let Some(mut drive) = self.drive.take() {
+            drive.after_frame(self, &ctx);
+            self.drive = Some(drive);
+        }
+        // Frames follow each other.
+        ctx.request_repaint();
+    }
+}
+
+/// Set by what ends the program with an error.
+static FAILED: AtomicBool = AtomicBool::new(false);
+
+/// Remembers that the program fails, and says why.
+pub(super) fn fail(words: &str) {
+    eprintln!("error: {words}");
+    FAILED.store(true, Ordering::Release);
+}
+
+pub(super) fn has_failed() -> bool {
+    FAILED.load(Ordering::Acquire)
+}

@@ -1,0 +1,327 @@
+//! The program on a desktop: options, adapter, files.
+
+use super::app::{App, Start, Trouble};
+use crate::error::LiveError;
+use crate::stage::is_file;
+use eframe::egui;
+use eframe::egui_wgpu::{WgpuConfiguration, WgpuSetup, WgpuSetupCreateNew};
+use quell::Size;
+use quell::gpu::wgpu;
+use quell_frames::{Content, FrameToWrite, Metadata, WriteOptions, write_frame};
+use std::ffi::OsString;
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
+
+const USAGE: &str = "\
+quell-live glossy-room                 a built-in scene, walked through
+quell-live room.glb                    a glTF file; others are dropped on the window
+
+Usage: quell-live [OPTIONS] [SCENE]
+
+SCENE           a built-in scene (quell scenes) or a .gltf or .glb file [default: glossy-room]
+--device NAME   the adapter whose name holds this; one in software as well [default: the best]
+--scale SHARE   pixels of the picture for each of the window's, 0.05 to 2 [default: 1; 0.25 in software]
+--size WxH      the picture's own extent, whatever the window's is
+--window WxH    the window's extent in points [default: 1280x720]
+--out DIR       where pictures and planes are saved [default: .]
+--script FILE   drives the window, for tests (crates/quell-live/src/window/drive.rs)
+--help
+
+Mouse: drag turns, right button moves across, wheel nears. W A S D Q E fly. Space pauses, Tab hides the panel, P saves a PNG.
+";
+
+/// What the command line asks for.
+#[derive(Clone, Debug)]
+struct Options {
+    start: Start,
+    device: Option<String>,
+    window: Size,
+}
+
+enum Asked {
+    Help,
+    Run(Box<Options>),
+}
+
+fn size(text: &str) -> Option<Size> {
+    let (width, height) = text.split_once('x')?;
+    let (width, height) = (width.parse().ok()?, height.parse().ok()?);
+    (width > 0 && height > 0 && width <= 16384 && height <= 16384).then(|| Size::new(width, height))
+}
+
+fn parsed(arguments: impl Iterator<Item = OsString>) -> Result<Asked, String> {
+    let mut options = Options {
+        start: Start {
+            source: "glossy-room".to_owned(),
+            scale: None,
+            size: None,
+            folder: PathBuf::from("."),
+            script: None,
+        },
+        device: None,
+        window: Size::new(1280, 720),
+    };
+    let mut is_named = false;
+    let mut arguments = arguments.map(|a| a.to_string_lossy().into_owned());
+    while let Some(argument) = arguments.next() {
+        let (name, inline) = match argument.split_once('=') {
+            Some((name, value)) if name.starts_with("--") => (name.to_owned(), Some(value.to_owned())),
+            _ => (argument.clone(), None),
+        };
+        if matches!(name.as_str(), "--help" | "-h") {
+            return Ok(Asked::Help);
+        }
+        if !name.starts_with('-') {
+            if is_named {
+                return Err(format!("one scene at a time: `{argument}` is the second"));
+            }
+            is_named = true;
+            options.start.source = argument;
+            continue;
+        }
+        let known = ["--device", "--scale", "--size", "--window", "--out", "--script"];
+        if !known.contains(&name.as_str()) {
+            return Err(format!("unknown option {name}; --help lists them"));
+        }
+        let value = inline.or_else(|| arguments.next()).ok_or_else(|| format!("{name} needs a value"))?;
+        let wrong = |wanted: &str| format!("{name} takes {wanted}, not `{value}`");
+        match name.as_str() {
+            "--device" => options.device = Some(value),
+            "--scale" => {
+                let scale = value.parse().ok().filter(|v: &f32| (0.05..=2.0).contains(v));
+                options.start.scale = Some(scale.ok_or_else(|| wrong("a number from 0.05 to 2"))?);
+            }
+            "--size" => options.start.size = Some(size(&value).ok_or_else(|| wrong("an extent such as 640x360"))?),
+            "--window" => options.window = size(&value).ok_or_else(|| wrong("an extent such as 1280x720"))?,
+            "--out" => options.start.folder = PathBuf::from(value),
+            _ => {
+                let text = std::fs::read_to_string(&value).map_err(|error| format!("{value}: {error}"))?;
+                options.start.script = Some(text);
+            }
+        }
+    }
+    // A name that cannot be opened is said before a window is.
+    {
+        let name = &options.start.source;
+        let unknown = if is_file(name) {
+            std::fs::metadata(name).err().map(|error| format!("{name}: {error}"))
+        } else {
+            quell_trace::builtin(name).err().map(|error| error.to_string())
+        };
+        if let Some(error) = unknown {
+            return Err(error);
+        }
+    }
+    Ok(Asked::Run(Box::new(options)))
+}
+
+/// The smaller, the sooner it is taken unnamed.
+const fn rank(kind: wgpu::DeviceType) -> u8 {
+    match kind {
+        wgpu::DeviceType::DiscreteGpu => 0,
+        wgpu::DeviceType::IntegratedGpu => 1,
+        wgpu::DeviceType::VirtualGpu => 2,
+        wgpu::DeviceType::Other => 3,
+        wgpu::DeviceType::Cpu => 4,
+    }
+}
+
+/// The adapter that is meant, among those that can show on the window.
+fn chosen(
+    adapters: &[wgpu::Adapter],
+    surface: Option<&wgpu::Surface<'_>>,
+    wanted: Option<&str>,
+) -> Result<wgpu::Adapter, String> {
+    let names = || match adapters {
+        [] => {
+            "wgpu finds no adapter: a driver for Vulkan, Metal or DX12 must be installed (Debian: mesa-vulkan-drivers)"
+                .to_owned()
+        }
+        all => format!("there are {}", all.iter().map(|a| a.get_info().name).collect::<Vec<_>>().join(", ")),
+    };
+    let shows = |a: &&wgpu::Adapter| surface.is_none_or(|surface| a.is_surface_supported(surface));
+    let named = |a: &&wgpu::Adapter| {
+        wanted.is_none_or(|wanted| a.get_info().name.to_lowercase().contains(&wanted.to_lowercase()))
+    };
+    let found = adapters.iter().filter(named).filter(shows).min_by_key(|a| rank(a.get_info().device_type));
+    found.cloned().ok_or_else(|| match wanted {
+        Some(wanted) => format!("no adapter that can show a window is called `{wanted}`; {}", names()),
+        None => format!("no adapter can show a window; {}", names()),
+    })
+}
+
+fn setup(wanted: Option<String>) -> WgpuSetup {
+    let mut setup = WgpuSetupCreateNew::without_display_handle();
+    setup.instance_descriptor.backends = wgpu::Backends::from_env().unwrap_or(wgpu::Backends::PRIMARY);
+    setup.native_adapter_selector =
+        Some(Arc::new(move |adapters, surface| chosen(adapters, surface, wanted.as_deref())));
+    setup.device_descriptor = Arc::new(|adapter| {
+        let most = adapter.limits();
+        wgpu::DeviceDescriptor {
+            label: Some("quell live"),
+            required_features: adapter.features() & wgpu::Features::TIMESTAMP_QUERY,
+            required_limits: wgpu::Limits {
+                max_buffer_size: most.max_buffer_size,
+                max_texture_dimension_2d: most.max_texture_dimension_2d,
+                max_storage_buffer_binding_size: most.max_storage_buffer_binding_size,
+                ..wgpu::Limits::default()
+            },
+            ..Default::default()
+        }
+    });
+    WgpuSetup::CreateNew(setup)
+}
+
+/// Windows that are opened after a lost device, at most.
+const MOST_LOSSES: u32 = 2;
+
+/// Runs the program; `arguments` without its own name. Returns its exit code: 0, 1 for what failed, 2 for a wrong command line.
+pub fn run(arguments: impl Iterator<Item = OsString>) -> ExitCode {
+    let options = match parsed(arguments) {
+        Ok(Asked::Help) => {
+            print!("{USAGE}");
+            return ExitCode::SUCCESS;
+        }
+        Ok(Asked::Run(options)) => options,
+        Err(error) => {
+            eprintln!("error: {error}");
+            return ExitCode::from(2);
+        }
+    };
+    for attempt in 0..=MOST_LOSSES {
+        let lost = Arc::new(AtomicBool::new(false));
+        let result = window(&options, Arc::clone(&lost));
+        if let Err(error) = result {
+            eprintln!("error: {error}");
+            return ExitCode::FAILURE;
+        }
+        if super::app::has_failed() {
+            return ExitCode::FAILURE;
+        }
+        if !lost.load(Ordering::Acquire) {
+            return ExitCode::SUCCESS;
+        }
+        if attempt < MOST_LOSSES {
+            eprintln!("the device was lost; opening the window anew");
+        }
+    }
+    eprintln!("error: the device was lost again and again");
+    ExitCode::FAILURE
+}
+
+fn window(options: &Options, lost: Arc<AtomicBool>) -> Result<(), String> {
+    let size = [options.window.width as f32, options.window.height as f32];
+    let native = eframe::NativeOptions {
+        viewport: egui::ViewportBuilder::default()
+            .with_title("quell live")
+            .with_inner_size(size)
+            .with_drag_and_drop(true),
+        renderer: eframe::Renderer::Wgpu,
+        wgpu_options: WgpuConfiguration { wgpu_setup: setup(options.device.clone()), ..WgpuConfiguration::default() },
+        persist_window: false,
+        ..Default::default()
+    };
+    let start = options.start.clone();
+    let made = eframe::run_native(
+        "quell live",
+        native,
+        Box::new(move |creation| {
+            let state = creation.wgpu_render_state.as_ref().ok_or("the window has no wgpu device")?;
+            let trouble: Trouble = Arc::new(Mutex::new(None));
+            let ctx = creation.egui_ctx.clone();
+            state.device.set_device_lost_callback(move |reason, words| {
+                // The program itself lets go of it at its end.
+                if reason != wgpu::DeviceLostReason::Destroyed {
+                    eprintln!("the device was lost: {words}");
+                    lost.store(true, Ordering::Release);
+                    ctx.send_viewport_cmd(egui::ViewportCommand::Close);
+                }
+            });
+            Ok(Box::new(App::new(state, start, trouble)?))
+        }),
+    );
+    made.map_err(|error| error.to_string())
+}
+
+/// The running frame's planes, as `quell render` writes them.
+pub(super) fn write_planes(app: &App, path: &Path) -> Result<(), LiveError> {
+    let (rendered, _) = app.engine.planes_of_last(|encoder, read| blocking(app, encoder, read))?;
+    let tracing = app.choice.tracing;
+    let metadata = Metadata {
+        content: Content::Noisy,
+        scene: app.name.clone(),
+        sampling: format!(
+            "exact, {} samples, {} bounces, {} shadow rays, traced on a GPU",
+            tracing.paths, tracing.bounces, tracing.direct_samples
+        ),
+        exposure: app.engine.stage().map_or(1.0, |stage| stage.scene().exposure),
+        ..Metadata::default()
+    };
+    let frame = FrameToWrite { metadata, ..FrameToWrite::new(rendered.frame.frame(&[])) };
+    write_frame(path, &frame, &WriteOptions::default()).map_err(|error| LiveError::Write(error.to_string()))?;
+    Ok(())
+}
+
+/// Submits, waits, and reads what is asked for.
+fn blocking(
+    app: &App,
+    mut encoder: wgpu::CommandEncoder,
+    read: Option<(&wgpu::Buffer, u64)>,
+) -> Result<Vec<u8>, LiveError> {
+    let failed =
+        |error: &dyn std::fmt::Display| LiveError::Device(format!("reading the frame's planes failed: {error}"));
+    let copy = read.map(|(buffer, bytes)| {
+        let copy = app.device.create_buffer(&wgpu::BufferDescriptor {
+            label: Some("planes"),
+            size: bytes,
+            usage: wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST,
+            mapped_at_creation: false,
+        });
+        encoder.copy_buffer_to_buffer(buffer, 0, &copy, 0, bytes);
+        copy
+    });
+    app.queue.submit([encoder.finish()]);
+    if let Some(copy) = &copy {
+        copy.map_async(wgpu::MapMode::Read, .., |_| ());
+    }
+    app.device.poll(wgpu::PollType::wait_indefinitely()).map_err(|error| failed(&error))?;
+    let said = app.trouble.lock().unwrap_or_else(PoisonError::into_inner).clone();
+    if let Some(words) = said {
+        return Err(LiveError::Device(words));
+    }
+    let Some(copy) = copy else { return Ok(Vec::new()) };
+    let bytes = copy.get_mapped_range(..).map_err(|error| failed(&error))?.to_vec();
+    Ok(bytes)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn asked(line: &str) -> Result<Asked, String> {
+        parsed(line.split_whitespace().map(OsString::from))
+    }
+
+    #[test]
+    fn wrong_command_lines_are_answered_in_words() {
+        for (line, words) in [
+            ("cornel-box", "did you mean cornell-box"),
+            ("/nonexistent/a.glb", "/nonexistent/a.glb"),
+            ("cornell-box furnace", "one scene at a time"),
+            ("--scale 9", "0.05 to 2"),
+            ("--size 0x4", "640x360"),
+            ("--size=12", "640x360"),
+            ("--device", "needs a value"),
+            ("--frob", "unknown option"),
+            ("--script /nonexistent", "/nonexistent"),
+        ] {
+            let Err(error) = asked(line) else { panic!("{line} was taken") };
+            assert!(error.contains(words), "{line}: {error}");
+        }
+        let Ok(Asked::Run(options)) = asked("cornell-box --scale=0.5 --window 320x180") else { panic!("refused") };
+        assert_eq!((options.start.scale, options.window), (Some(0.5), Size::new(320, 180)));
+        assert!(matches!(asked("--help"), Ok(Asked::Help)));
+    }
+}
