@@ -183,7 +183,7 @@ parameters! {
             higher "Softer changes between pictures.", lower "Harder ones.", source "ours";
         strength: f32 = 1.0, 0.0..=4.0, "", "Share of the noise removal that comes out; beyond 1 the more filtered pictures gain.",
             higher "Smoother.", lower "Grain comes back: 0 is the input.", source "ours";
-        guard: f32 = 8.0, 1.0..=1000.0, "times the squared noise", "How far the result may lie from the input, squared, mean over 5x5.",
+        guard: f32 = 16.0, 1.0..=1000.0, "times the squared noise", "How far the result may lie from the input, squared, mean over 5x5.",
             higher "The net is trusted further.", lower "What the filter removed comes back sooner.", source "ours";
     }
 }
