@@ -260,6 +260,9 @@ pub struct BenchArgs {
     /// What the memory moves, for the floors [default: what copying reaches]
     #[arg(long, value_name = "GB/s", value_parser = values::positive)]
     pub bandwidth: Option<f32>,
+    /// Measure the filter of `denoise` instead, on frames with Cycles' passes made in memory
+    #[arg(long, conflicts_with = "scene")]
+    pub sequence: bool,
 }
 
 /// Make the talk's tables and figures anew: stage times, the offline table, the ablations, more paths

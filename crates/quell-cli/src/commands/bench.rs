@@ -1,5 +1,7 @@
 //! `quell bench`: the time of each stage beside the paper's, with the floor of each; rays a second of a scene.
 
+mod cycles;
+mod sequence;
 mod synthetic;
 
 use crate::args::BenchArgs;
@@ -38,6 +40,9 @@ const PAPER_SIZE: Size = Size { width: 1280, height: 720 };
 pub fn run(context: &Context, args: BenchArgs) -> Result<(), Failure> {
     if args.scene.is_none() && args.environment.environment.is_some() {
         return Err(Failure::Usage("--environment is for scenes; name one with --scene".to_owned()));
+    }
+    if args.sequence {
+        return sequence::run(context, &args);
     }
     let backend = context.backend()?;
     let mut report = context.report();
@@ -138,7 +143,14 @@ pub fn run(context: &Context, args: BenchArgs) -> Result<(), Failure> {
 /// The talk's table of stages at one extent, as a section of a page.
 pub fn section(context: &Context, size: Size) -> Result<(Section, Vec<StageTime>), Failure> {
     let environment = EnvironmentArgs::default();
-    let args = BenchArgs { scene: None, environment, size: vec![size], count: SECTION_FRAMES, bandwidth: None };
+    let args = BenchArgs {
+        scene: None,
+        environment,
+        size: vec![size],
+        count: SECTION_FRAMES,
+        bandwidth: None,
+        sequence: false,
+    };
     let measured = measure(context, &mut synthetic::frame(size), &args)?;
     let backend = context.backend()?;
     let stages = with_floors(&measured, &Bandwidth::of(backend, None)?, size);

@@ -4,7 +4,7 @@ use super::accelerator::{self, AcceleratedWindow, Accelerator};
 use super::estimate::EstimateJob;
 use super::frame::{Filtered, FilteredLight, SequenceFrame};
 use super::pipeline::{SequencePlan, SequenceStage};
-use super::run::{self, Estimate, SequenceStages, stages_of};
+use super::run::{self, Estimate, SequenceStages, StageTimes, stages_of};
 use super::settings::SequenceSettings;
 use crate::denoiser::Backend;
 use crate::error::Error;
@@ -33,6 +33,7 @@ pub struct SequenceDenoiser {
     done: usize,
     accelerator: Option<Arc<dyn Accelerator>>,
     device: Device,
+    times: StageTimes,
     /// What `blend` chose from and by, where it is asked for.
     #[cfg(all(feature = "internals", feature = "cpu"))]
     blend_views: Option<(usize, Vec<super::BlendView>)>,
@@ -62,17 +63,25 @@ impl PreparedFrame {
     /// only rows will be pushed it must be done before.
     pub fn followed_by(&mut self, next: &mut Self, settings: &SequenceSettings, backend: Backend) {
         if self.is_followed_by(next) {
-            self.link(next, stages_of(backend), &SequencePlan::new(settings), settings);
+            let times = &mut StageTimes::default();
+            self.link(next, stages_of(backend), &SequencePlan::new(settings), settings, times);
         }
     }
 
-    fn link(&mut self, next: &mut Self, stages: &SequenceStages, plan: &SequencePlan, s: &SequenceSettings) {
+    fn link(
+        &mut self,
+        next: &mut Self,
+        stages: &SequenceStages,
+        plan: &SequencePlan,
+        s: &SequenceSettings,
+        times: &mut StageTimes,
+    ) {
         if self.features.lacks_motion_to_next() {
             self.features.derive_motion_to_next(&next.features);
         }
         // Bands of rows bring what was found in the whole picture.
         if self.features.motion.reflection_to_next.is_none() {
-            run::link(stages, plan, &mut self.features, &mut next.features, s);
+            run::link(stages, plan, &mut self.features, &mut next.features, s, times);
         }
     }
 }
@@ -101,6 +110,7 @@ impl SequenceDenoiser {
             done: 0,
             accelerator: None,
             device: Device::Unknown,
+            times: StageTimes::default(),
             #[cfg(all(feature = "internals", feature = "cpu"))]
             blend_views: None,
         })
@@ -125,6 +135,17 @@ impl SequenceDenoiser {
     #[cfg(all(feature = "internals", feature = "cpu"))]
     pub fn take_blend_views(&mut self) -> Vec<super::BlendView> {
         self.blend_views.as_mut().map(|(_, views)| std::mem::take(views)).unwrap_or_default()
+    }
+
+    /// From now on every stage is timed by `clock`: seconds that only rise, of the clock on the wall or of processors.
+    pub fn time_stages(&mut self, clock: fn() -> f64) {
+        self.times.clock = Some(clock);
+    }
+
+    /// What each stage took since the last call: its name, seconds, and how often it ran. Nothing without [`Self::time_stages`].
+    /// Stages on a device are not told apart and stand nowhere.
+    pub fn take_stage_times(&mut self) -> Vec<(&'static str, f64, usize)> {
+        std::mem::take(&mut self.times.taken)
     }
 
     /// The stages that run, in order.
@@ -173,7 +194,7 @@ impl SequenceDenoiser {
             self.finish_to(out)?;
         }
         if let Some(last) = self.entries.back_mut() {
-            last.frame.link(&mut frame, self.stages, &self.plan, &self.settings);
+            last.frame.link(&mut frame, self.stages, &self.plan, &self.settings, &mut self.times);
         }
         self.entries.push_back(Entry { frame, wanted, estimate: None });
         self.ready(false, out)
@@ -227,12 +248,14 @@ impl SequenceDenoiser {
                         let mut estimate = self.estimate(i).inspect_err(|_| self.clear())?;
                         if self.plan.runs(SequenceStage::Stabilise) {
                             let s = &self.settings.stabilise;
-                            if s.net {
-                                let features = &self.entries[i].frame.features;
-                                estimate.signature = Some((self.stages.signature)(features, &estimate.picture));
-                            } else {
-                                estimate.likeness = Some((self.stages.likeness)(&estimate.picture, &estimate.input, s));
-                            }
+                            let (stages, features) = (self.stages, &self.entries[i].frame.features);
+                            self.times.during("stabilise: signature", || {
+                                if s.net {
+                                    estimate.signature = Some((stages.signature)(features, &estimate.picture));
+                                } else {
+                                    estimate.likeness = Some((stages.likeness)(&estimate.picture, &estimate.input, s));
+                                }
+                            });
                         }
                         self.entries[i].estimate = Some(estimate);
                         self.entries[i].frame.estimated();
@@ -278,7 +301,7 @@ impl SequenceDenoiser {
     }
 
     fn estimate(&mut self, i: usize) -> Result<Estimate, Error> {
-        let Self { settings: s, plan, stages, entries, accelerator, device, .. } = self;
+        let Self { settings: s, plan, stages, entries, accelerator, device, times, .. } = self;
         let gather = s.gather.frames as usize;
         let (from, to) = (i.saturating_sub(gather), (i + gather).min(entries.len() - 1));
         let window: Vec<&PreparedFrame> = (from..=to).map(|k| &entries[k].frame).collect();
@@ -297,7 +320,7 @@ impl SequenceDenoiser {
                 }
             }
         }
-        run::estimate(stages, plan, &window, i - from, s, accelerator.as_deref())
+        run::estimate(stages, plan, &window, i - from, s, (accelerator.as_deref(), times))
     }
 
     fn result(&mut self, t: usize, from: usize, to: usize) -> Option<Filtered> {
@@ -310,7 +333,7 @@ impl SequenceDenoiser {
             views.push(run::blend_view(self.stages, &frames, t - from, *every, &self.settings));
         }
         let run::Finished { passes, alpha, noise } =
-            run::finish(self.stages, &self.plan, &frames, t - from, &self.settings);
+            run::finish(self.stages, &self.plan, &frames, t - from, &self.settings, &mut self.times);
         let samples = estimate.samples.clone();
         let full = self.settings.variance.confident_samples;
         let confidence = Plane::from_fn(samples.size(), |x, y| (samples.at(x, y) / full).min(1.0));

@@ -67,6 +67,29 @@ pub(crate) struct Estimate {
     pub signature: Option<Plane<Signature>>,
 }
 
+/// How long each stage took, by a clock of the caller's.
+#[derive(Debug, Default)]
+pub(crate) struct StageTimes {
+    pub clock: Option<fn() -> f64>,
+    /// In the order in which they ran first: name, seconds, calls.
+    pub taken: Vec<(&'static str, f64, usize)>,
+}
+
+impl StageTimes {
+    /// Runs `work`, a stage or a part of one.
+    pub(crate) fn during<T>(&mut self, name: &'static str, work: impl FnOnce() -> T) -> T {
+        let Some(clock) = self.clock else { return work() };
+        let begin = clock();
+        let result = work();
+        let seconds = clock() - begin;
+        match self.taken.iter_mut().find(|taken| taken.0 == name) {
+            Some(taken) => (taken.1, taken.2) = (taken.1 + seconds, taken.2 + 1),
+            None => self.taken.push((name, seconds, 1)),
+        }
+        result
+    }
+}
+
 /// What the stages of one frame hand on to each other.
 struct Work<'w> {
     stages: &'static SequenceStages,
@@ -91,7 +114,7 @@ pub(crate) fn estimate(
     window: &[&PreparedFrame],
     centre: usize,
     settings: &SequenceSettings,
-    accelerator: Option<&dyn Accelerator>,
+    (accelerator, times): (Option<&dyn Accelerator>, &mut StageTimes),
 ) -> Result<Estimate, Error> {
     let empty = Size::new(0, 0);
     let mut work = Work {
@@ -107,7 +130,7 @@ pub(crate) fn estimate(
         samples: Plane::filled(empty, 0.0),
     };
     for stage in plan.stages() {
-        work.run(stage, accelerator)?;
+        times.during(stage.name(), || work.run(stage, accelerator))?;
     }
     let Work { gathered: Gathered { slots, colours, .. }, picture, input, samples, .. } = work;
     Ok(Estimate { slots, colours, picture, input, samples, likeness: None, signature: None })
@@ -158,10 +181,12 @@ pub(crate) fn link(
     previous: &mut Features,
     next: &mut Features,
     s: &SequenceSettings,
+    times: &mut StageTimes,
 ) {
     for stage in plan.stages() {
         if stage == SequenceStage::ReflectionMotion
-            && let Some(found) = (stages.reflection_motion)(previous, next, &s.reflections)
+            && let Some(found) =
+                times.during(stage.name(), || (stages.reflection_motion)(previous, next, &s.reflections))
         {
             previous.motion.reflection_to_next = found.to_next;
             next.motion.reflection_to_previous = found.to_previous;
@@ -184,13 +209,14 @@ pub(crate) fn finish(
     frames: &[(&PreparedFrame, &Estimate)],
     centre: usize,
     s: &SequenceSettings,
+    times: &mut StageTimes,
 ) -> Finished {
     let (frame, estimate) = frames[centre];
     let mut finished = Finished { passes: Vec::new(), alpha: frame.alpha.clone(), noise: None };
     // A stage that does not run hands its input on.
     let (mut steady, mut shares) = (None, None);
     for stage in plan.stages() {
-        match stage {
+        times.during(stage.name(), || match stage {
             SequenceStage::Stabilise => {
                 let (picture, alpha) = (stages.stabilise)(&stabilise_window(frames), centre, &s.gather, &s.stabilise);
                 (steady, finished.alpha) = (Some(picture), alpha);
@@ -198,7 +224,7 @@ pub(crate) fn finish(
             SequenceStage::Blend => {
                 let after = steady.as_ref().unwrap_or(&estimate.picture);
                 let blend = (stages.blend)(&blend_window(frames), centre, after, (&s.gather, &s.stabilise), &s.blend);
-                finished.alpha = blend_alpha(frame.alpha.as_ref(), finished.alpha, &blend.shares);
+                finished.alpha = blend_alpha(frame.alpha.as_ref(), finished.alpha.take(), &blend.shares);
                 (shares, finished.noise) = (Some(blend.shares), Some(blend.noise));
             }
             SequenceStage::Rescale => {
@@ -207,7 +233,7 @@ pub(crate) fn finish(
                     (stages.rescale)(frame, &estimate.slots, &estimate.colours, pictures, shares.as_ref());
             }
             _ => {} // of pairs of frames, or done by `estimate`
-        }
+        });
     }
     finished
 }

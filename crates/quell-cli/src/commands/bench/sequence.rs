@@ -1,0 +1,154 @@
+//! `quell bench --sequence`: processor time of each stage of the sequence filter, on one thread and on all, with its floor.
+
+use super::{Bandwidth, cycles, peak_memory};
+use crate::args::BenchArgs;
+use crate::context::Context;
+use crate::failure::Failure;
+use crate::interrupt;
+use quell::Size;
+use quell::sequence::{PreparedFrame, SequenceDenoiser, SequenceSettings};
+use quell_frames::driver::clock::pool_seconds;
+use quell_lab::backend::Backend;
+use quell_lab::report::table::Table;
+use serde_json::{Map, json};
+use std::time::Instant;
+
+/// Colour planes with light of the frames that are made.
+const PLANES: usize = cycles::LIT;
+
+/// What one stage takes of a frame.
+struct Taken {
+    name: &'static str,
+    /// Processor seconds.
+    seconds: f64,
+}
+
+pub fn run(context: &Context, args: &BenchArgs) -> Result<(), Failure> {
+    let bandwidth = Bandwidth::of(&Backend::Cpu(quell::Backend::Cpu), args.bandwidth)?;
+    let report = context.report();
+    let settings = SequenceSettings::default();
+    let all = rayon::current_num_threads();
+    let mut counts = vec![1, all];
+    counts.dedup();
+    let mut text = String::new();
+    let mut runs = Vec::new();
+    for &size in &args.size {
+        let mut columns = Vec::new();
+        for &threads in &counts {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
+            let pool = pool.map_err(|e| Failure::Usage(format!("{threads} threads cannot be started: {e}")))?;
+            columns.push(pool.install(|| measure(size, &settings, args.count as usize))?);
+        }
+        let mut head = vec!["stage".to_owned()];
+        head.extend(counts.iter().map(|n| format!("ms, {n} thread{}", if *n == 1 { "" } else { "s" })));
+        head.extend(["ns/pixel", "bytes/pixel", "floor ms"].map(str::to_owned));
+        let mut table = Table { head, rows: Vec::new() };
+        let ms = |seconds: f64| format!("{:.1}", seconds * 1e3);
+        let floor = |bytes: usize| bytes as f64 * size.pixels() as f64 / (bandwidth.gigabytes_a_second * 1e9);
+        let of =
+            |column: &[Taken], name: &str| column.iter().filter(|t| t.name == name).map(|t| t.seconds).sum::<f64>();
+        let first = &columns[0].0;
+        for Taken { name, seconds } in first {
+            let mut row = vec![(*name).to_owned()];
+            row.extend(columns.iter().map(|(column, _)| ms(of(column, name))));
+            let bytes = bytes_per_pixel(name, settings.gather.frames as usize, settings.wavelet.levels as usize);
+            row.push(format!("{:.1}", seconds * 1e9 / size.pixels() as f64));
+            row.push(bytes.map_or("-".to_owned(), |bytes| bytes.to_string()));
+            row.push(bytes.map_or("-".to_owned(), |bytes| ms(floor(bytes))));
+            table.rows.push(row);
+        }
+        let sums: Vec<f64> = columns.iter().map(|(column, _)| column.iter().map(|t| t.seconds).sum()).collect();
+        let mut row = vec!["sum".to_owned()];
+        row.extend(sums.iter().map(|sum| ms(*sum)));
+        row.push(format!("{:.1}", sums[0] * 1e9 / size.pixels() as f64));
+        row.extend([String::new(), String::new()]);
+        table.rows.push(row);
+        text.push_str(&format!("{size}, processor time of a frame\n\n{table}\n"));
+        for (threads, (_, clock)) in counts.iter().zip(&columns) {
+            text.push_str(&format!("by the clock, {threads} threads: {:.1} ms a frame\n", clock * 1e3));
+        }
+        let peak = peak_memory();
+        if let Some(peak) = peak {
+            text.push_str(&format!(
+                "peak memory of the process so far: {:.2} GiB\n",
+                peak as f64 / (1u64 << 30) as f64
+            ));
+        }
+        text.push('\n');
+        let stages = |column: &[Taken]| {
+            column.iter().map(|t| (t.name.to_owned(), json!(t.seconds * 1e3))).collect::<Map<_, _>>()
+        };
+        runs.push(json!({
+            "size": size.to_string(),
+            "peak_memory_bytes": peak,
+            "threads": counts.iter().zip(&columns).map(|(n, (column, clock))| json!({
+                "threads": n, "processor_ms": stages(column), "clock_ms": clock * 1e3,
+            })).collect::<Vec<_>>(),
+        }));
+    }
+    text.push_str(&format!(
+        "{PLANES} colour planes with light; ns/pixel: on one thread. floor: the least that a stage must read and write, each value \
+         once, at the {:.1} GB/s that copying reaches with all threads.",
+        bandwidth.gigabytes_a_second
+    ));
+    let further = Map::from_iter([("sequence".to_owned(), json!(runs))]);
+    context.finish(&report, further, &text)
+}
+
+/// What each stage takes of a frame whose window is whole, and seconds by the clock of all of them.
+fn measure(size: Size, settings: &SequenceSettings, count: usize) -> Result<(Vec<Taken>, f64), Failure> {
+    let mut taken = stages(size, settings, count, || pool_seconds().unwrap_or(0.0))?;
+    taken.retain(|t| t.seconds > 0.0);
+    // The clock on the wall needs a run of its own only where processor time and it differ.
+    let clock = stages(size, settings, count, wall)?.iter().map(|t| t.seconds).sum();
+    Ok((taken, clock))
+}
+
+fn wall() -> f64 {
+    static BEGIN: std::sync::OnceLock<Instant> = std::sync::OnceLock::new();
+    BEGIN.get_or_init(Instant::now).elapsed().as_secs_f64()
+}
+
+fn stages(size: Size, settings: &SequenceSettings, count: usize, clock: fn() -> f64) -> Result<Vec<Taken>, Failure> {
+    let mut denoiser = SequenceDenoiser::new(settings.clone())?;
+    denoiser.time_stages(clock);
+    let reach = denoiser.reach();
+    let (mut preparing, frames) = (0.0, 2 * reach + count);
+    for t in 0..frames {
+        if interrupt::asked() {
+            return Err(Failure::Interrupted(format!("after {t} of {frames} frames")));
+        }
+        let frame = cycles::frame(t as i64, size);
+        let begin = clock();
+        let frame = PreparedFrame::new(frame, settings)?;
+        preparing += clock() - begin;
+        // Those before and behind only help.
+        denoiser.push_to(frame, t >= reach && t < reach + count, &mut |_| true)?;
+    }
+    let mut taken = vec![Taken { name: "prepare", seconds: preparing / frames as f64 }];
+    let each = |(name, seconds, calls): (&'static str, f64, usize)| Taken { name, seconds: seconds / calls as f64 };
+    taken.extend(denoiser.take_stage_times().into_iter().map(each));
+    Ok(taken)
+}
+
+/// Bytes a pixel that a stage must read and write at least, each value once: halves and floats as they are kept.
+fn bytes_per_pixel(stage: &str, around: usize, levels: usize) -> Option<usize> {
+    // Surface, motion both ways, what mirrors show; light and the means that it is compared by.
+    let (surface, motion, seen, light) = (28, 16, 12, 10 * PLANES);
+    // Slopes, depth, normal, both noises; albedo and normal seen in mirrors.
+    let local = 4 * (8 + 6);
+    Some(match stage {
+        "prepare" => surface + motion + seen + light + 2 * (12 * PLANES + 60),
+        "reflection_motion" => 2 * (seen + motion) + motion,
+        "gather" => (2 * around + 1) * (surface + motion + seen + light) + 20 * PLANES,
+        "feature_noise" => surface + seen + local,
+        "variance" => 24 * PLANES + local,
+        "wavelet" => levels * (2 * 16 * PLANES + local),
+        "recombine: sum" => 12 * PLANES + 6 * PLANES + 18 + 24,
+        "stabilise: signature" => 12 + seen + 48,
+        "stabilise" => 7 * (12 + 48 + motion + 4) + 12,
+        "blend" => 5 * (24 + motion + surface) + 12 + 16,
+        "recombine: rescale" => 12 * PLANES + 36 + 12 * PLANES,
+        _ => return None,
+    })
+}
