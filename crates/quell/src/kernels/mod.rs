@@ -8,7 +8,7 @@
 //! | `edge`, `spiral` | cross-bilateral weights; sparse tap patterns | real-time |
 //! | `guide_distance` | edge-stopping functions of feature buffers | sequence |
 //! | `net` | a small net | sequence |
-//! | `bilinear`, `math` | footprints; functions with the same bits on every machine | both |
+//! | `bilinear`, `math`, `halves` | footprints; functions with the same bits on every machine | both |
 //!
 //! `*_cpu.rs` are twins on vectors, `*.wgsl` on the GPU.
 
@@ -22,6 +22,7 @@ pub(crate) mod edge_cpu;
 pub mod guide_distance;
 #[cfg(feature = "cpu")]
 pub(crate) mod guide_distance_cpu;
+pub(crate) mod halves;
 pub mod math;
 pub mod mirror_image;
 #[cfg(feature = "cpu")]

@@ -289,7 +289,7 @@ impl<'a> EstimateJob<'a> {
                 let light = member.slots.iter().find(|slot| slot.first == number).map(|slot| slot.light);
                 let means = light.and_then(|light| member.means.places.get(light).copied().flatten());
                 self.texels(align, bytes, |i, texel| {
-                    let values = means.map_or([half::f16::ZERO; 2], |m| member.means.data[i * member.means.lights + m]);
+                    let values = means.map_or([half::f16::ZERO; 2], |m| member.means.halves(m, i));
                     for (bytes, value) in texel.as_chunks_mut::<2>().0.iter_mut().zip(values) {
                         *bytes = value.to_le_bytes();
                     }
@@ -318,7 +318,7 @@ impl<'a> EstimateJob<'a> {
 
     fn packed(&self, align: usize, plane: Option<(&Packed, usize)>) -> Vec<u8> {
         self.texels(align, 8, |i, texel| {
-            let [r, g, b] = plane.map_or([half::f16::ZERO; 3], |(packed, k)| packed.data[i * packed.planes + k]);
+            let [r, g, b] = plane.map_or([half::f16::ZERO; 3], |(packed, k)| packed.halves(k, i));
             for (bytes, value) in texel.as_chunks_mut::<2>().0.iter_mut().zip([r, g, b]) {
                 *bytes = value.to_le_bytes();
             }

@@ -10,6 +10,7 @@ use crate::frame::Rgb;
 use crate::par;
 use crate::plane::{Plane, Size};
 use crate::sequence::{LightKind, SequenceFrame, SequenceSettings};
+use half::f16;
 
 /// What a pixel shows first.
 #[derive(Clone, Copy, Debug, Default, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
@@ -39,6 +40,7 @@ pub struct MotionPlanes {
 
 impl MotionPlanes {
     /// Motion forward or backward in time, of surfaces or of what mirrors and glass show.
+    #[inline(always)]
     pub fn get(&self, forward: bool, reflected: bool) -> Option<&Plane<[f32; 2]>> {
         let (surface, reflection) = if forward {
             (&self.to_next, &self.reflection_to_next)
@@ -135,8 +137,9 @@ impl Features {
     }
 
     /// True where pixel `p` is a mirror or clear glass.
+    #[inline(always)]
     pub fn is_mirror(&self, p: usize) -> bool {
-        self.mirror_colour.as_ref().is_some_and(|colour| colour.at(0, p) != [1.0; 3])
+        self.mirror_colour.as_ref().is_some_and(|colour| colour.halves(0, p) != [f16::ONE; 3])
     }
 
     /// True where light of that kind is the image of other things in a mirror or glass: it has a motion of its own.
@@ -145,6 +148,7 @@ impl Features {
     }
 
     /// True where mirrors and glass show light of that kind.
+    #[inline(always)]
     pub fn can_reflect(kind: LightKind) -> bool {
         matches!(kind, LightKind::GlossyIndirect | LightKind::Transmission)
     }

@@ -14,6 +14,7 @@ use super::features::Features;
 use super::local::Class;
 use super::packed::Packed;
 use super::prepared::{LightSlot, Samples};
+use crate::kernels::halves::widen;
 use crate::kernels::math::luminance;
 use crate::par;
 use crate::plane::Plane;
@@ -68,8 +69,8 @@ pub(crate) struct LightMeans {
     pub places: Vec<Option<usize>>,
     /// What the numbers below are multiplied by: a power of two, 1 where half precision holds every colour.
     pub scale: f32,
-    /// Mean and its deviation, light by light, pixel by pixel.
-    pub data: Vec<[f16; 2]>,
+    /// Of each pixel the means of all lights, then their deviations.
+    pub data: Vec<f16>,
 }
 
 impl LightMeans {
@@ -102,14 +103,21 @@ impl LightMeans {
         }
         let n = lights.len();
         let near = near(f, &lights, &media, samples, scale, s);
-        let data = wide(f, &lights, &near, s);
+        let data = planar(&wide(f, &lights, &near, s), n);
         Self { lights: n, places, scale, data }
     }
 
     /// Mean and its deviation, which is below 0 where the light has no noise.
     #[inline(always)]
     pub(crate) fn at(&self, place: usize, pixel: usize) -> [f32; 2] {
-        self.data[pixel * self.lights + place].map(|v| v.to_f32() * self.scale)
+        self.halves(place, pixel).map(|v| widen(v) * self.scale)
+    }
+
+    /// The same as it is kept.
+    #[inline(always)]
+    pub(crate) fn halves(&self, place: usize, pixel: usize) -> [f16; 2] {
+        let run = &self.data[2 * pixel * self.lights..][..2 * self.lights];
+        [run[place], run[self.lights + place]]
     }
 }
 
@@ -226,7 +234,10 @@ fn wide(f: &Features, lights: &[Asked], near: &[[f16; 2]], s: &Gather) -> Vec<[f
     if n == 0 {
         return data;
     }
-    let at = |q: usize, light: usize| near[q * n + light].map(f16::to_f32);
+    let at = |q: usize, light: usize| {
+        let [mean, deviation] = near[q * n + light];
+        [widen(mean), widen(deviation)]
+    };
     par::rows(&mut data, w * n, |y, out| {
         let mut sums = vec![[0.0f32; 3]; n];
         for x in 0..w {
@@ -264,6 +275,17 @@ fn wide(f: &Features, lights: &[Asked], near: &[[f16; 2]], s: &Gather) -> Vec<[f
             }
         }
     });
+    data
+}
+
+/// Of each pixel the means of all lights, then their deviations: eight lights are read at once.
+fn planar(pairs: &[[f16; 2]], lights: usize) -> Vec<f16> {
+    let mut data = vec![f16::ZERO; 2 * pairs.len()];
+    for (pairs, out) in pairs.chunks_exact(lights.max(1)).zip(data.chunks_exact_mut(2 * lights.max(1))) {
+        for (light, pair) in pairs.iter().enumerate() {
+            (out[light], out[lights + light]) = (pair[0], pair[1]);
+        }
+    }
     data
 }
 

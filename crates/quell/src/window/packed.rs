@@ -5,9 +5,11 @@
 //! lose nothing at all.
 
 use crate::frame::Rgb;
+use crate::kernels::halves::widen;
 use crate::par;
 use crate::plane::{Plane, Size};
 use half::f16;
+use half::slice::HalfFloatSliceExt;
 
 /// Stands for a pixel that is kept in full: half precision's infinity, which no finite colour becomes.
 const BEYOND: f16 = f16::INFINITY;
@@ -19,37 +21,52 @@ fn fits(value: f32) -> bool {
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Packed {
     pub planes: usize,
-    pub data: Vec<[f16; 3]>,
-    /// Places in `data` of colours that half precision does not hold, ascending, and these colours.
+    /// Of each pixel the red of every plane, then the green, then the blue.
+    pub data: Vec<f16>,
+    /// Colours that half precision does not hold, with their places (pixel * `planes` + plane), ascending.
     pub beyond: Vec<(usize, Rgb)>,
 }
 
 impl Packed {
     /// `value(plane, pixel)` must be finite.
     pub(crate) fn new(size: Size, planes: usize, value: impl Fn(usize, usize) -> Rgb + Sync) -> Self {
-        let width = size.width * planes;
-        let mut data = vec![[f16::ZERO; 3]; size.pixels() * planes];
+        let mut data = vec![f16::ZERO; 3 * size.pixels() * planes];
         if planes > 0 {
-            par::rows(&mut data, width, |y, row| {
-                for (x, pixel) in row.chunks_exact_mut(planes).enumerate() {
-                    for (k, stored) in pixel.iter_mut().enumerate() {
-                        let c = value(k, y * size.width + x);
-                        *stored = if c.iter().all(|v| fits(*v)) { c.map(f16::from_f32) } else { [BEYOND; 3] };
+            par::rows(&mut data, 3 * size.width * planes, |y, row| {
+                // Rounded a row at once: asked for one number, `half` looks each time for the instruction.
+                let mut floats = vec![0.0f32; row.len()];
+                for (x, pixel) in floats.chunks_exact_mut(3 * planes).enumerate() {
+                    for k in 0..planes {
+                        let colour = value(k, y * size.width + x);
+                        let fits = colour.iter().all(|v| fits(*v));
+                        for (c, v) in colour.into_iter().enumerate() {
+                            pixel[c * planes + k] = if fits { v } else { f32::INFINITY };
+                        }
                     }
                 }
+                row.convert_from_f32_slice(&floats);
             });
         }
-        let places = data.iter().enumerate().filter(|(_, c)| c[0] == BEYOND);
-        let beyond = places.map(|(i, _)| (i, value(i % planes, i / planes))).collect();
+        let pixels = data.chunks_exact(3 * planes.max(1)).enumerate();
+        let places = pixels.flat_map(|(i, pixel)| {
+            pixel[..planes].iter().enumerate().filter(|(_, red)| **red == BEYOND).map(move |(k, _)| i * planes + k)
+        });
+        let beyond = places.map(|at| (at, value(at % planes, at / planes))).collect();
         Self { planes, data, beyond }
     }
 
     /// Colour `plane` of a pixel.
     #[inline(always)]
     pub(crate) fn at(&self, plane: usize, pixel: usize) -> Rgb {
-        let place = pixel * self.planes + plane;
-        let c = self.data[place];
-        if c[0] == BEYOND { self.kept(place) } else { c.map(f16::to_f32) }
+        let c = self.halves(plane, pixel);
+        if c[0] == BEYOND { self.kept(pixel * self.planes + plane) } else { c.map(widen) }
+    }
+
+    /// The same as it is kept: infinite where half precision does not hold it.
+    #[inline(always)]
+    pub(crate) fn halves(&self, plane: usize, pixel: usize) -> [f16; 3] {
+        let run = &self.data[3 * pixel * self.planes..][..3 * self.planes];
+        [run[plane], run[self.planes + plane], run[2 * self.planes + plane]]
     }
 
     #[cold]
@@ -77,7 +94,7 @@ impl Weight {
     #[inline(always)]
     pub(crate) fn at(&self, pixel: usize) -> Rgb {
         match self {
-            Self::Half(data) => data[pixel].map(f16::to_f32),
+            Self::Half(data) => data[pixel].map(widen),
             Self::Full(plane) => plane.data()[pixel],
         }
     }

@@ -84,7 +84,7 @@ trait Visitor {
 fn visit(frame: &mut PreparedFrame, v: &mut impl Visitor) -> io::Result<()> {
     packed(&mut frame.samples, v)?;
     let lights = frame.means.lights;
-    v.elements(&mut frame.means.data, lights)?;
+    v.elements(&mut frame.means.data, 2 * lights)?;
     let mut weights: Vec<Option<Arc<Weight>>> = Vec::with_capacity(frame.weights.len());
     for (i, weight) in frame.weights.iter().enumerate() {
         let Some(weight) = weight else {
@@ -131,7 +131,7 @@ fn visit(frame: &mut PreparedFrame, v: &mut impl Visitor) -> io::Result<()> {
 }
 
 fn packed(packed: &mut Packed, v: &mut impl Visitor) -> io::Result<()> {
-    v.elements(&mut packed.data, packed.planes)?;
+    v.elements(&mut packed.data, 3 * packed.planes)?;
     if let Some(kept) = v.kept() {
         let places = kept.start * packed.planes..kept.end * packed.planes;
         packed.beyond.retain(|(at, _)| places.contains(at));

@@ -127,25 +127,3 @@ pub(crate) fn seen_distance(here: &Features, p: usize, other: &Features, q: usiz
 pub(crate) fn mean_of(frame: &PreparedFrame, place: Option<usize>, pixel: usize) -> [f32; 2] {
     place.map_or([0.0; 2], |place| frame.means.at(place, pixel))
 }
-
-/// What is left of a sample's weight where its light differs by more than noise from the light here. Each: mean and its
-/// deviation.
-#[inline(always)]
-pub(crate) fn light_likeness(here: [f32; 2], there: [f32; 2], gather: &Gather) -> f32 {
-    let d = here[0] - there[0];
-    let mean = 0.5 * (here[0] + there[0]);
-    let (a, b) = (here[1].max(0.0), there[1].max(0.0));
-    let noise = a * a + b * b;
-    let (low, high) = (gather.light_deviations, gather.light_deviations_high);
-    let scale = gather.light_noise * mean;
-    let share = noise / (noise + scale * scale + LEAST_NOISE);
-    let deviations = low * low + (high * high - low * low).max(0.0) * share;
-    let contrast = gather.light_contrast * mean;
-    let allowed = deviations * noise + contrast * contrast;
-    let squared = d * d;
-    if squared <= allowed {
-        return 1.0;
-    }
-    let left = allowed / squared;
-    left * left
-}

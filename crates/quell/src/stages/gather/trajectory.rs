@@ -1,8 +1,12 @@
-//! Where a pixel's surface lies in the other frames of the window, and which of their pixels show it.
+//! Where the surfaces of eight pixels of a row lie in the other frames of the window, and which of their pixels show them.
 
-use crate::kernels::bilinear::footprint;
+use crate::plane::Plane;
 use crate::sequence::settings::Gather;
 use crate::window::{PreparedFrame, SurfacePoint};
+use fearless_simd::{Simd, f32x8, i32x8, mask32x8, prelude::*};
+
+/// Pixels that are followed at once.
+pub(super) const LANES: usize = 8;
 
 /// A pixel of another frame that shows the surface, with its weight.
 #[derive(Clone, Copy, Debug)]
@@ -17,136 +21,242 @@ pub(crate) struct Tap {
     pub weight: f32,
 }
 
-/// All taps of pixel `index` of `window[centre]`, itself first.
-pub(crate) fn taps(
-    window: &[&PreparedFrame],
-    centre: usize,
-    index: usize,
+/// All taps of the pixels from `first` on, each one itself first. Of pixels that are not `wanted` none; all lie in one row.
+#[inline(always)]
+pub(super) fn taps<S: Simd>(
+    simd: S,
+    (window, centre): (&[&PreparedFrame], usize),
+    first: usize,
+    wanted: [bool; LANES],
     reflected: bool,
     gather: &Gather,
-    taps: &mut Vec<Tap>,
+    taps: &mut [Vec<Tap>; LANES],
 ) {
-    taps.clear();
-    taps.push(Tap { frame: centre as u32, distance: 0, pixel: index as u32, weight: 1.0 });
-    follow(window, centre, index, false, reflected, gather, taps);
+    for (i, taps) in taps.iter_mut().enumerate() {
+        taps.clear();
+        if wanted[i] {
+            taps.push(Tap { frame: centre as u32, distance: 0, pixel: (first + i) as u32, weight: 1.0 });
+        }
+    }
+    follow(simd, (window, centre), first, wanted, (false, reflected), gather, taps);
     if gather.future {
-        follow(window, centre, index, true, reflected, gather, taps);
+        follow(simd, (window, centre), first, wanted, (true, reflected), gather, taps);
     }
 }
 
-fn follow(
-    window: &[&PreparedFrame],
-    centre: usize,
-    index: usize,
-    forward: bool,
-    reflected: bool,
+#[inline(always)]
+fn follow<S: Simd>(
+    simd: S,
+    (window, centre): (&[&PreparedFrame], usize),
+    first: usize,
+    wanted: [bool; LANES],
+    (forward, reflected): (bool, bool),
     gather: &Gather,
-    taps: &mut Vec<Tap>,
+    taps: &mut [Vec<Tap>; LANES],
 ) {
-    let here = window[centre];
+    let splat = |v: f32| f32x8::splat(simd, v);
+    let int = |v: usize| i32x8::splat(simd, v as i32);
+    let zero = splat(0.0);
+    let here = &window[centre].features;
     // A band counts rows as the whole picture does: sums of floats are the same.
-    let (w, h) = (here.features.size.width, here.features.picture_height);
-    let farthest = gather.travel * h as f32;
+    let (w, h) = (here.size.width, here.picture_height);
+    let farthest = splat(gather.travel * h as f32);
     let steps = if forward { window.len() - 1 - centre } else { centre }.min(gather.frames as usize);
-    let origin = ((index % w) as f32, (here.features.first_row + index / w) as f32);
+    let (mut nearest, mut columns, mut alive) = ([0i32; LANES], [0.0f32; LANES], [0.0f32; LANES]);
+    for i in (0..LANES).filter(|i| wanted[*i]) {
+        nearest[i] = (first + i) as i32;
+        columns[i] = (first % w + i) as f32;
+        alive[i] = 1.0;
+    }
+    let origin: [f32x8<S>; 2] = [columns.simd_into(simd), splat((here.first_row + first / w) as f32)];
+    let alive: f32x8<S> = alive.simd_into(simd);
+    let mut alive = alive.simd_gt(zero);
     let mut at = origin;
-    let mut nearest = index;
-    let mut tracked: SurfacePoint = here.features.surface[index];
+    let mut tracked = Points::load(simd, &here.surface, &nearest);
     for k in 1..=steps {
         let (from, to) = if forward { (centre + k - 1, centre + k) } else { (centre + 1 - k, centre - k) };
         let (from, member) = (window[from], window[to]);
         let Some(motion) = from.features.motion.get(forward, reflected) else { return };
-        let m = motion.data()[nearest];
-        at = (at.0 + m[0], at.1 + m[1]);
+        let m = pairs(simd, motion, &nearest);
+        at = [at[0] + m[0], at[1] + m[1]];
         // NaN fails too: unknown motion ends the trajectory.
-        if !(at.0 > -0.5 && at.1 > -0.5 && at.0 < w as f32 - 0.5 && at.1 < h as f32 - 0.5) {
+        alive = alive
+            & at[0].simd_gt(splat(-0.5))
+            & at[1].simd_gt(splat(-0.5))
+            & at[0].simd_lt(splat(w as f32 - 0.5))
+            & at[1].simd_lt(splat(h as f32 - 0.5))
+            & !(at[1] - origin[1]).abs().simd_gt(farthest);
+        if !alive.any_true() {
             return;
         }
-        if (at.1 - origin.1).abs() > farthest {
-            return;
+        let mut counts = alive;
+        if from.repeats_noise || member.repeats_noise {
+            let same = splat(gather.same_noise);
+            counts = alive & !((at[0] - origin[0]).abs().simd_lt(same) & (at[1] - origin[1]).abs().simd_lt(same));
         }
-        let repeated = (from.repeats_noise || member.repeats_noise)
-            && (at.0 - origin.0).abs() < gather.same_noise
-            && (at.1 - origin.1).abs() < gather.same_noise;
-        let back = member.features.motion.get(!forward, reflected);
-        let pixel_size =
-            if tracked.inverse_depth > 0.0 { member.features.pixel_angle / tracked.inverse_depth } else { 0.0 };
-        let mut best = (0.0f32, 0usize);
-        for (qx, qy, share) in footprint(at.0, at.1) {
-            if share < gather.least_share || qx < 0 || qx >= w as isize {
+        let step = Step {
+            pixel_size: tracked
+                .inverse_depth
+                .simd_gt(zero)
+                .select(splat(member.features.pixel_angle) / tracked.inverse_depth, zero),
+            back: member.features.motion.get(!forward, reflected),
+            motion: m,
+        };
+        let corner = [at[0].floor(), at[1].floor()];
+        let (tx, ty) = (at[0] - corner[0], at[1] - corner[1]);
+        let (ux, uy) = (splat(1.0) - tx, splat(1.0) - ty);
+        let (left, top) = (corner[0].to_int::<i32x8<S>>(), corner[1].to_int::<i32x8<S>>());
+        let (mut best, mut place) = (zero, int(0));
+        for (dx, dy, share) in [(0, 0, ux * uy), (1, 0, tx * uy), (0, 1, ux * ty), (1, 1, tx * ty)] {
+            let (x, row) = (left + int(dx), top + int(dy) - int(member.features.first_row));
+            let valid = alive
+                & share.simd_ge(splat(gather.least_share))
+                & x.simd_ge(int(0))
+                & x.simd_lt(int(w))
+                & row.simd_ge(int(0))
+                & row.simd_lt(int(member.features.size.height));
+            if !valid.any_true() {
                 continue;
             }
-            let Some(row) = member.features.row_here(qy) else { continue };
-            let q = row * w + qx as usize;
-            let round_trip = back.as_ref().map(|b| b.data()[q]).map(|r| [m[0] + r[0], m[1] + r[1]]);
-            let Some(trust) = same_surface(&member.features.surface[q], &tracked, pixel_size, m, round_trip, gather)
-            else {
-                continue;
-            };
-            if share > best.0 {
-                best = (share, q);
-            }
-            if !repeated {
-                taps.push(Tap { frame: to as u32, distance: k as u32, pixel: q as u32, weight: share * trust });
+            let q = valid.select(row * int(w) + x, int(0));
+            let places: [i32; LANES] = q.into();
+            let there = Points::load(simd, &member.features.surface, &places);
+            let (same, trust) = step.same_surface(simd, &there, &tracked, &places, gather);
+            let same = valid & same;
+            let better = same & share.simd_gt(best);
+            best = better.select(share, best);
+            place = better.select(q, place);
+            let weights: [f32; LANES] = (same & counts).select(share * trust, zero).into();
+            for i in 0..LANES {
+                if weights[i] != 0.0 {
+                    let (frame, distance) = (to as u32, k as u32);
+                    taps[i].push(Tap { frame, distance, pixel: places[i] as u32, weight: weights[i] });
+                }
             }
         }
-        if best.0 == 0.0 {
+        alive &= best.simd_gt(zero);
+        if !alive.any_true() {
             return;
         }
-        nearest = best.1;
-        let s = member.features.surface[nearest];
+        nearest = place.into();
+        let now = Points::load(simd, &member.features.surface, &nearest);
         // A surface that moves carries its reference along; one that stands keeps the first, so that errors do not add.
-        if !(pixel_size > 0.0 && off_plane(&s, &tracked) < gather.plane_distance * pixel_size) {
-            tracked = s;
-        }
+        let stands =
+            step.pixel_size.simd_gt(zero) & now.off_plane(&tracked).simd_lt(step.pixel_size * gather.plane_distance);
+        tracked = tracked.unless(stands, &now);
     }
 }
 
-fn difference(a: &SurfacePoint, b: &SurfacePoint) -> [f32; 3] {
-    [0, 1, 2].map(|c| a.position[c] - b.position[c])
+/// The surfaces that eight pixels show.
+struct Points<S: Simd> {
+    inverse_depth: f32x8<S>,
+    normal: [f32x8<S>; 3],
+    position: [f32x8<S>; 3],
 }
 
-fn dot(a: [f32; 3], b: [f32; 3]) -> f32 {
+impl<S: Simd> Points<S> {
+    #[inline(always)]
+    fn load(simd: S, surface: &[SurfacePoint], places: &[i32; LANES]) -> Self {
+        let mut v = [[0.0f32; LANES]; 7];
+        for i in 0..LANES {
+            let SurfacePoint { inverse_depth, normal, position } = &surface[places[i] as usize];
+            v[0][i] = *inverse_depth;
+            (v[1][i], v[2][i], v[3][i]) = (normal[0], normal[1], normal[2]);
+            (v[4][i], v[5][i], v[6][i]) = (position[0], position[1], position[2]);
+        }
+        Self {
+            inverse_depth: v[0].simd_into(simd),
+            normal: [v[1].simd_into(simd), v[2].simd_into(simd), v[3].simd_into(simd)],
+            position: [v[4].simd_into(simd), v[5].simd_into(simd), v[6].simd_into(simd)],
+        }
+    }
+
+    /// These where `keep`, else `other`.
+    #[inline(always)]
+    fn unless(&self, keep: mask32x8<S>, other: &Self) -> Self {
+        let (n, p) = (&self.normal, &self.position);
+        let (m, q) = (&other.normal, &other.position);
+        Self {
+            inverse_depth: keep.select(self.inverse_depth, other.inverse_depth),
+            normal: [keep.select(n[0], m[0]), keep.select(n[1], m[1]), keep.select(n[2], m[2])],
+            position: [keep.select(p[0], q[0]), keep.select(p[1], q[1]), keep.select(p[2], q[2])],
+        }
+    }
+
+    #[inline(always)]
+    fn difference(&self, other: &Self) -> [f32x8<S>; 3] {
+        let (a, b) = (&self.position, &other.position);
+        [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
+    }
+
+    /// Distance from the tangent planes of `reference`.
+    #[inline(always)]
+    fn off_plane(&self, reference: &Self) -> f32x8<S> {
+        dot(&self.difference(reference), &reference.normal).abs()
+    }
+}
+
+#[inline(always)]
+fn dot<S: Simd>(a: &[f32x8<S>; 3], b: &[f32x8<S>; 3]) -> f32x8<S> {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
-/// Distance of `s` from the tangent plane of `reference`.
-fn off_plane(s: &SurfacePoint, reference: &SurfacePoint) -> f32 {
-    dot(difference(s, reference), reference.normal).abs()
+#[inline(always)]
+fn pairs<S: Simd>(simd: S, plane: &Plane<[f32; 2]>, places: &[i32; LANES]) -> [f32x8<S>; 2] {
+    let mut v = [[0.0f32; LANES]; 2];
+    for i in 0..LANES {
+        let pair = plane.data()[places[i] as usize];
+        (v[0][i], v[1][i]) = (pair[0], pair[1]);
+    }
+    [v[0].simd_into(simd), v[1].simd_into(simd)]
 }
 
-/// How far a pixel of another frame is believed to show the tracked surface; `None`: it shows another.
-fn same_surface(
-    s: &SurfacePoint,
-    tracked: &SurfacePoint,
-    pixel_size: f32,
-    motion: [f32; 2],
-    round_trip: Option<[f32; 2]>,
-    gather: &Gather,
-) -> Option<f32> {
-    if (s.inverse_depth > 0.0) != (tracked.inverse_depth > 0.0) {
-        return None;
-    }
-    let has_normals = s.normal != [0.0; 3] || tracked.normal != [0.0; 3];
-    let cosine = if has_normals { dot(s.normal, tracked.normal) } else { 1.0 };
-    if pixel_size > 0.0 {
-        let off = off_plane(s, tracked);
-        let d = difference(s, tracked);
-        let near = dot(d, d) < (gather.standing_reach * pixel_size.max(off)).powi(2);
-        if off < gather.plane_distance * pixel_size && (near || cosine > gather.plane_normal) {
-            return (cosine >= gather.standing_normal).then_some(1.0);
+/// What one step along the trajectories knows.
+struct Step<'a, S: Simd> {
+    /// World-space size of a pixel at the surface; 0: unknown.
+    pixel_size: f32x8<S>,
+    /// Motion back again, where it is known.
+    back: Option<&'a Plane<[f32; 2]>>,
+    motion: [f32x8<S>; 2],
+}
+
+impl<S: Simd> Step<'_, S> {
+    /// Which pixels of another frame are believed to show the tracked surface, and how far.
+    #[inline(always)]
+    fn same_surface(
+        &self,
+        simd: S,
+        s: &Points<S>,
+        tracked: &Points<S>,
+        places: &[i32; LANES],
+        gather: &Gather,
+    ) -> (mask32x8<S>, f32x8<S>) {
+        let splat = |v: f32| f32x8::splat(simd, v);
+        let (zero, one) = (splat(0.0), splat(1.0));
+        let solid = tracked.inverse_depth.simd_gt(zero);
+        let alike = !(s.inverse_depth.simd_gt(zero) ^ solid);
+        let no_normals = (s.normal[0].simd_eq(zero) & s.normal[1].simd_eq(zero) & s.normal[2].simd_eq(zero))
+            & (tracked.normal[0].simd_eq(zero) & tracked.normal[1].simd_eq(zero) & tracked.normal[2].simd_eq(zero));
+        let cosine = no_normals.select(one, dot(&s.normal, &tracked.normal));
+        let size = self.pixel_size;
+        let (off, d) = (s.off_plane(tracked), s.difference(tracked));
+        let reach = size.max(off) * gather.standing_reach;
+        let near = dot(&d, &d).simd_lt(reach * reach) | cosine.simd_gt(splat(gather.plane_normal));
+        let stands = size.simd_gt(zero) & off.simd_lt(size * gather.plane_distance) & near;
+        // It moves, or positions are unknown: the surface there must come from here.
+        let change = (s.inverse_depth / tracked.inverse_depth - one).abs();
+        let change = solid.select(change, zero);
+        let mut moves =
+            change.simd_le(splat(gather.moving_depth)) & cosine.simd_ge(splat(gather.moving_normal)) & !stands;
+        if let (Some(back), true) = (self.back, moves.any_true()) {
+            let (m, r) = (&self.motion, pairs(simd, back, places));
+            let length = (m[0] * m[0] + m[1] * m[1]).sqrt();
+            let (x, y) = (m[0] + r[0], m[1] + r[1]);
+            let miss = (x * x + y * y).sqrt();
+            // NaN is no agreement.
+            moves &= miss.simd_le(length * gather.round_trip_share + gather.round_trip);
         }
+        let same = alike & (moves | (stands & cosine.simd_ge(splat(gather.standing_normal))));
+        (same, stands.select(one, splat(gather.moving_weight)))
     }
-    // It moves, or positions are unknown: the surface there must come from here.
-    if let Some(miss) = round_trip {
-        let length = (motion[0] * motion[0] + motion[1] * motion[1]).sqrt();
-        let miss = (miss[0] * miss[0] + miss[1] * miss[1]).sqrt();
-        // NaN is no agreement.
-        if miss.is_nan() || miss > gather.round_trip + gather.round_trip_share * length {
-            return None;
-        }
-    }
-    let depth_change =
-        if tracked.inverse_depth > 0.0 { (s.inverse_depth / tracked.inverse_depth - 1.0).abs() } else { 0.0 };
-    (depth_change <= gather.moving_depth && cosine >= gather.moving_normal).then_some(gather.moving_weight)
 }

@@ -1,0 +1,93 @@
+//! Half floats to single precision, on any number of lanes: the same bits with and without instructions for it. The crate `half`
+//! asks for the instruction at every call, so that loops over its conversion are no vectors.
+
+use half::f16;
+
+/// The value of a half float. Of what is no number another may come out.
+#[inline(always)]
+pub(crate) fn widen(h: f16) -> f32 {
+    const EXPONENT: u32 = 0x0f80_0000;
+    const REBIAS: u32 = (127 - 15) << 23;
+    let bits = u32::from(h.to_bits());
+    let magnitude = (bits & 0x7fff) << 13;
+    let exponent = magnitude & EXPONENT;
+    let rebiased = magnitude + REBIAS;
+    // Subnormal: its mantissa counts from the least normal number on, which is subtracted again.
+    let subnormal = f32::from_bits(rebiased + (1 << 23)) - f32::from_bits(REBIAS + (1 << 23));
+    let whole = if exponent == EXPONENT { rebiased + REBIAS } else { rebiased };
+    let found = if exponent == 0 { subnormal.to_bits() } else { whole };
+    f32::from_bits(found | (bits & 0x8000) << 16)
+}
+
+#[cfg(feature = "cpu")]
+pub(crate) use lanes::widen8;
+
+#[cfg(feature = "cpu")]
+mod lanes {
+    use super::widen;
+    use fearless_simd::{Level, Simd, f32x8, prelude::*};
+    use half::f16;
+
+    #[cfg(target_arch = "x86_64")]
+    fearless_simd::kernel!(
+        #[inline]
+        fn widen_avx2(_avx2: Avx2, halves: [u16; 8]) -> [f32; 8] {
+            bytemuck::cast(std::arch::x86_64::_mm256_cvtph_ps(bytemuck::cast(halves)))
+        }
+    );
+
+    #[cfg(target_arch = "x86_64")]
+    fearless_simd::kernel!(
+        #[inline]
+        fn widen_avx512(_avx512: Avx512, halves: [u16; 8]) -> [f32; 8] {
+            bytemuck::cast(std::arch::x86_64::_mm256_cvtph_ps(bytemuck::cast(halves)))
+        }
+    );
+
+    /// [`widen`] on eight lanes: those from `at` on; beyond the end 0.
+    #[inline(always)]
+    pub(crate) fn widen8<S: Simd>(simd: S, data: &[f16], at: usize) -> f32x8<S> {
+        let halves: [f16; 8] = match data.get(at..at + 8).and_then(|run| run.try_into().ok()) {
+            Some(run) => run,
+            None => short(data, at),
+        };
+        let values: [f32; 8] = match simd.level() {
+            #[cfg(target_arch = "x86_64")]
+            Level::Avx512(token) => widen_avx512(token, bytemuck::cast(halves)),
+            #[cfg(target_arch = "x86_64")]
+            Level::Avx2(token) => widen_avx2(token, bytemuck::cast(halves)),
+            _ => std::array::from_fn(|i| widen(halves[i])),
+        };
+        values.simd_into(simd)
+    }
+
+    #[cold]
+    fn short(data: &[f16], at: usize) -> [f16; 8] {
+        let mut halves = [f16::ZERO; 8];
+        halves.iter_mut().zip(data.iter().skip(at)).for_each(|(half, value)| *half = *value);
+        halves
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_half_float_has_its_value() {
+        let all: Vec<f16> = (0..=u16::MAX).map(f16::from_bits).collect();
+        for h in &all {
+            assert!(widen(*h).to_bits() == h.to_f32().to_bits() || (h.is_nan() && widen(*h).is_nan()), "{h:?}");
+        }
+        #[cfg(feature = "cpu")]
+        fearless_simd::dispatch!(crate::simd::level(), simd => {
+            for at in (0..all.len()).step_by(5) {
+                let found: [f32; 8] = widen8(simd, &all, at).into();
+                for (i, value) in found.into_iter().enumerate() {
+                    let expected = all.get(at + i).map_or(0.0, |h| h.to_f32());
+                    assert!(value.to_bits() == expected.to_bits() || (value.is_nan() && expected.is_nan()), "{at} {i}");
+                }
+            }
+        });
+    }
+}
