@@ -3,6 +3,7 @@
 use super::guide_distance::{APART, LEAST_TOLERANCE};
 use crate::sequence::settings::Wavelet;
 use crate::window::LocalFeatures;
+use std::ops::Range;
 
 /// One tap of a kernel, seen from the rows of its centres.
 #[derive(Clone, Copy, Debug)]
@@ -18,6 +19,14 @@ pub(crate) struct Offset {
     pub to: usize,
 }
 
+/// Columns that filters work on at once, tap by tap: sums of all channels, and what the taps read, stay in the nearest cache.
+const STRIP: usize = 128;
+
+/// The strips of a row.
+pub(crate) fn strips(w: usize) -> impl Iterator<Item = Range<usize>> {
+    (0..w).step_by(STRIP).map(move |from| from..(from + STRIP).min(w))
+}
+
 impl Offset {
     /// `None` where no tap lies in the image.
     pub(crate) fn new(w: usize, h: usize, y: usize, dx: isize, dy: isize) -> Option<Self> {
@@ -25,6 +34,13 @@ impl Offset {
         let from = (-dx).max(0) as usize;
         let to = (w as isize - dx.max(0)).max(0) as usize;
         (qy >= 0 && qy < h as isize && from < to).then_some(Self { y, qy: qy as usize, dx, dy, from, to })
+    }
+
+    /// The part of it whose centres lie in a strip of columns.
+    #[inline(always)]
+    pub(crate) fn within(self, strip: &Range<usize>) -> Option<Self> {
+        let (from, to) = (self.from.max(strip.start), self.to.min(strip.end));
+        (from < to).then_some(Self { from, to, ..self })
     }
 
     /// The centres' part of a row.

@@ -5,6 +5,7 @@ use super::{
     Pooled, SECOND_DIFFERENCE, WIDE, drawn_back, follow, shares, silhouette,
 };
 use crate::frame::Rgb;
+use crate::kernels::math::three;
 use crate::par;
 use crate::plane::{Plane, Size};
 use crate::sequence::settings::{Blend as Settings, Gather, Stabilise};
@@ -122,26 +123,40 @@ fn differences(
     let w = size.width;
     let mut out = Rows::new(size, DIFFERENCES);
     par::rows(out.data_mut(), (DIFFERENCES * w).max(1), |y, out| {
-        for x in 0..w {
-            let scale = inverse.at(x, y);
-            let (i, p, s) = (here.input.at(x, y), here.picture.at(x, y), steady.at(x, y));
-            let e = [0, 1, 2].map(|c| i[c] - p[c]);
-            let (sum, change, seen) = over_time(window, centre, (x, y), e, gather);
-            for c in 0..3 {
-                out[c * w + x] = e[c] * scale;
-                out[(3 + c) * w + x] = (i[c] - s[c]) * scale;
-                out[(6 + c) * w + x] = sum[c] * scale / (1.0 + seen);
-            }
-            let all = (2 * FRAMES) as f32;
-            out[9 * w + x] = change * scale * scale / all;
-            out[10 * w + x] = seen / all;
-        }
+        widest!(differences_row((window, centre), (steady, inverse), gather, y, out));
     });
     out
 }
 
+#[inline(always)]
+fn differences_row(
+    (window, centre): (&[BlendFrame<'_>], usize),
+    (steady, inverse): (&Plane<Rgb>, &Plane<f32>),
+    gather: &Gather,
+    y: usize,
+    out: &mut [f32],
+) {
+    let here = &window[centre];
+    let w = here.input.size().width;
+    for x in 0..w {
+        let scale = inverse.at(x, y);
+        let (i, p, s) = (here.input.at(x, y), here.picture.at(x, y), steady.at(x, y));
+        let e = three(|c| i[c] - p[c]);
+        let (sum, change, seen) = over_time(window, centre, (x, y), e, gather);
+        for c in 0..3 {
+            out[c * w + x] = e[c] * scale;
+            out[(3 + c) * w + x] = (i[c] - s[c]) * scale;
+            out[(6 + c) * w + x] = sum[c] * scale / (1.0 + seen);
+        }
+        let all = (2 * FRAMES) as f32;
+        out[9 * w + x] = change * scale * scale / all;
+        out[10 * w + x] = seen / all;
+    }
+}
+
 /// Sum of the differences `e` of input and wavelet's picture along the pixel's trajectory, half the sum of their squared changes, and the
 /// frames that show it.
+#[inline(always)]
 fn over_time(
     window: &[BlendFrame<'_>],
     centre: usize,

@@ -94,6 +94,7 @@ pub(crate) fn reach() -> Reach {
 }
 
 /// The pixel of `to` that shows what pixel `q` of `from` shows, `at` being its place, which is moved along. `None`: it is lost.
+#[inline(always)]
 pub(crate) fn follow(
     from: &Features,
     to: &Features,

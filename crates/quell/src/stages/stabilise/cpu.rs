@@ -106,6 +106,7 @@ pub(super) struct Track<'a> {
 }
 
 impl<'a> Track<'a> {
+    #[inline(always)]
     pub(super) fn new(here: &'a Features, x: usize, y: usize, gather: &Gather, settings: &'a Stabilise) -> Self {
         let pixel = y * here.size.width + x;
         // A band counts rows as the whole picture does: sums of floats are the same.
@@ -123,6 +124,7 @@ impl<'a> Track<'a> {
     }
 
     /// Goes one frame further; the weight of what is there. `None`: it is lost.
+    #[inline(always)]
     pub(super) fn step(&mut self, from: &Features, to: &Features, forward: bool) -> Option<f32> {
         // What a mirror or a glass shows has its own motion; where that is unsure, the surface's counts, unless both
         // differ.
@@ -153,12 +155,14 @@ struct Front {
 }
 
 impl Front {
+    #[inline(always)]
     fn same(&self, other: &Self, s: &Stabilise) -> bool {
         (self.inverse_depth - other.inverse_depth).abs() <= s.depth_change * other.inverse_depth
     }
 }
 
 /// Where a silhouette lies one frame further, and what is in front there; `None`: it is lost.
+#[inline(always)]
 fn step(
     from: &Features,
     to: &Features,
@@ -186,6 +190,7 @@ fn departs(features: &Features, forward: bool, pixel: usize) -> f32 {
 }
 
 /// True where the motion at `pixel` leads back by `motion`, or is unknown.
+#[inline(always)]
 fn returns(features: &Features, forward: bool, reflected: bool, pixel: usize, motion: [f32; 2], s: &Stabilise) -> bool {
     let back = features.motion.get(!forward, reflected);
     let Some(back) = back else { return true };
@@ -195,6 +200,7 @@ fn returns(features: &Features, forward: bool, reflected: bool, pixel: usize, mo
     miss <= s.round_trip + s.round_trip_share * length
 }
 
+#[inline(always)]
 fn front(features: &Features, x: usize, y: usize, nearer: f32) -> Front {
     let (w, h) = (features.size.width, features.size.height);
     let mut best = Front { pixel: y * w + x, inverse_depth: features.surface[y * w + x].inverse_depth };

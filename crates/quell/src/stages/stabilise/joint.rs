@@ -1,8 +1,11 @@
 //! The net's form of the stage, row by row.
 
 use super::cpu::Track;
-use super::{Signature, StabiliseFrame, TAPS_AROUND, TAPS_IN_TIME, albedo_around, bandwidths, normal_at, tap_weight};
+use super::{
+    Bandwidths, Signature, StabiliseFrame, TAPS_AROUND, TAPS_IN_TIME, albedo_around, bandwidths, normal_at, tap_weight,
+};
 use crate::frame::Rgb;
+use crate::kernels::math::three;
 use crate::par;
 use crate::plane::{Plane, Size};
 use crate::sequence::settings::{Gather, Stabilise};
@@ -102,25 +105,16 @@ impl<'a> Joint<'a> {
         let bandwidths = bandwidths(&self.noise.at(x, y, here.features, self.settings.nearer));
         let own = here.picture.at(x, y);
         let own_alpha = here.alpha.map_or(0.0, |a| a.at(x, y));
-        let (mut sum, mut sum_alpha, mut total) = ([0.0f32; 3], 0.0f32, 1.0f32);
-        self.taps(x, y, |signature, tap| {
-            let weight = tap_weight(&bandwidths, signature, (tap.signature, tap.offset, tap.away));
-            let other = &self.window[tap.frame];
-            let c = other.picture.data()[tap.pixel];
-            for k in 0..3 {
-                sum[k] += weight * (c[k] - own[k]);
-            }
-            if let (true, Some(alpha)) = (self.has_alpha, other.alpha) {
-                sum_alpha += weight * (alpha.data()[tap.pixel] - own_alpha);
-            }
-            total += weight;
-        });
-        ([0, 1, 2].map(|k| own[k] + sum[k] / total), own_alpha + sum_alpha / total)
+        let mut sums =
+            Sums { joint: self, bandwidths, own, own_alpha, colour: [0.0f32; 3], alpha: 0.0f32, total: 1.0f32 };
+        self.taps(x, y, &mut sums);
+        let Sums { colour, alpha, total, .. } = sums;
+        (three(|k| own[k] + colour[k] / total), own_alpha + alpha / total)
     }
 
     /// Visits the pixels around and those of other frames, but for the pixel itself.
     #[inline(always)]
-    fn taps(&self, x: usize, y: usize, mut visit: impl FnMut(&Signature, Tap<'_>)) {
+    fn taps(&self, x: usize, y: usize, visitor: &mut impl Visit) {
         let here = &self.window[self.centre];
         let (w, h) = (here.features.size.width, here.features.size.height);
         let Some(signatures) = here.signature else { return };
@@ -133,7 +127,7 @@ impl<'a> Joint<'a> {
                     let (dx, dy) = (qx as f32 - x as f32, qy as f32 - y as f32);
                     let (pixel, offset) = (qy * w + qx, dx * dx + dy * dy);
                     let signature = &signatures.data()[pixel];
-                    visit(&own, Tap { frame: self.centre, pixel, signature, offset, away: 0 });
+                    visitor.visit(&own, Tap { frame: self.centre, pixel, signature, offset, away: 0 });
                 }
             }
         }
@@ -159,11 +153,51 @@ impl<'a> Joint<'a> {
                     for qx in (cx - r).max(0)..=(cx + r).min(w as isize - 1) {
                         let (dx, dy) = (qx as f32 - track.at.0, qy as f32 - track.at.1);
                         let (pixel, offset) = (row * w + qx as usize, dx * dx + dy * dy);
-                        visit(&own, Tap { frame, pixel, signature: &signatures.data()[pixel], offset, away });
+                        let signature = &signatures.data()[pixel];
+                        visitor.visit(&own, Tap { frame, pixel, signature, offset, away });
                     }
                 }
             }
         }
+    }
+}
+
+/// Hears of the taps of a pixel. A closure would be compiled apart from the loop, for narrow vectors.
+trait Visit {
+    fn visit(&mut self, own: &Signature, tap: Tap<'_>);
+}
+
+#[cfg(feature = "internals")]
+impl<F: FnMut(&Signature, Tap<'_>)> Visit for F {
+    fn visit(&mut self, own: &Signature, tap: Tap<'_>) {
+        self(own, tap);
+    }
+}
+
+/// Weighted sums of differences from a pixel.
+struct Sums<'j> {
+    joint: &'j Joint<'j>,
+    bandwidths: Bandwidths,
+    own: Rgb,
+    own_alpha: f32,
+    colour: Rgb,
+    alpha: f32,
+    total: f32,
+}
+
+impl Visit for Sums<'_> {
+    #[inline(always)]
+    fn visit(&mut self, own: &Signature, tap: Tap<'_>) {
+        let weight = tap_weight(&self.bandwidths, own, (tap.signature, tap.offset, tap.away));
+        let other = &self.joint.window[tap.frame];
+        let c = other.picture.data()[tap.pixel];
+        for k in 0..3 {
+            self.colour[k] += weight * (c[k] - self.own[k]);
+        }
+        if let (true, Some(alpha)) = (self.joint.has_alpha, other.alpha) {
+            self.alpha += weight * (alpha.data()[tap.pixel] - self.own_alpha);
+        }
+        self.total += weight;
     }
 }
 
@@ -244,7 +278,7 @@ pub(crate) fn training_taps(joint: &Joint<'_>, chosen: &[(usize, usize)]) -> (Ve
             }
         };
         write(joint.window[joint.centre].picture.at(x, y), [0.0; super::PARTS], 0.0, 0.5);
-        joint.taps(x, y, |own, tap| {
+        joint.taps(x, y, &mut |own: &Signature, tap: Tap<'_>| {
             let colour = joint.window[tap.frame].picture.data()[tap.pixel];
             write(colour, super::parts(own, tap.signature), tap.offset, 1.0 + tap.away as f32);
         });

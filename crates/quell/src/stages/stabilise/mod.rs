@@ -80,6 +80,7 @@ impl<'a> From<&StabiliseFrame<'a>> for BlendFrame<'a> {
 }
 
 /// Squared difference of the tone-mapped colours that mirrors or glass show around two pixels.
+#[inline(always)]
 pub(crate) fn seen_difference(here: &Features, p: usize, other: &Features, q: usize) -> f32 {
     let (Some(a), Some(b)) = (&here.seen_around, &other.seen_around) else { return 0.0 };
     let (a, b) = (a.at(0, p), b.at(0, q));

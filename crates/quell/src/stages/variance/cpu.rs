@@ -1,8 +1,8 @@
 //! The variance of every light's mean, whole rows on vectors.
 
 use crate::kernels::guide_distance::weight;
-use crate::kernels::guide_distance_cpu::{Offset, guide_distances};
-use crate::kernels::math::luminance;
+use crate::kernels::guide_distance_cpu::{Offset, guide_distances, strips};
+use crate::kernels::math::{luminance, three};
 use crate::plane::Plane;
 use crate::sequence::settings::{Variance, Wavelet};
 use crate::stages::gather::Gathered;
@@ -27,30 +27,41 @@ pub(crate) fn row(
     let wanted = Class::ALL.map(|c| classes.contains(&(c as usize)));
     let mut distance: [Vec<f32>; 4] = std::array::from_fn(|_| vec![0.0; w]);
     // Per light: pooled spread, its degrees of freedom, and the moments of the means with their weight.
-    let mut sums = vec![[0.0f32; 5]; lights * w];
-    for dy in -radius..=radius {
-        for dx in -radius..=radius {
-            let Some(o) = Offset::new(w, h, y, dx, dy) else { continue };
-            if dx == 0 && dy == 0 {
-                distance.iter_mut().for_each(|e| e.fill(0.0));
-            } else {
-                guide_distances(local, w, &o, wavelet, wanted, &mut distance);
-            }
-            for (l, slot) in slots.iter().enumerate() {
-                let distance = &distance[classes[l]];
-                let spread = o.taps(gathered.moments.row(o.qy, 2 * l));
-                let count = o.taps(gathered.moments.row(o.qy, 2 * l + 1));
-                let rgb = [0, 1, 2].map(|c| o.taps(gathered.colours.row(o.qy, 3 * slot.first + c)));
-                let sums = &mut sums[l * w + o.from..][..o.to - o.from];
-                for (i, sum) in sums.iter_mut().enumerate() {
-                    let g = weight(distance[i]);
-                    let freedom = g * (count[i] - 1.0).max(0.0);
-                    let mean = luminance([rgb[0][i], rgb[1][i], rgb[2][i]]);
-                    sum[0] += freedom * spread[i];
-                    sum[1] += freedom;
-                    sum[2] += g * mean;
-                    sum[3] += g * mean * mean;
-                    sum[4] += g;
+    let mut sums = vec![0.0f32; lights * 5 * w];
+    for strip in strips(w) {
+        for dy in -radius..=radius {
+            for dx in -radius..=radius {
+                let Some(o) = Offset::new(w, h, y, dx, dy).and_then(|o| o.within(&strip)) else { continue };
+                if dx == 0 && dy == 0 {
+                    distance.iter_mut().for_each(|e| e.fill(0.0));
+                } else {
+                    guide_distances(local, w, &o, wavelet, wanted, &mut distance);
+                }
+                for (l, slot) in slots.iter().enumerate() {
+                    let distance = &distance[classes[l]];
+                    let spread = o.taps(gathered.moments.row(o.qy, 2 * l));
+                    let count = o.taps(gathered.moments.row(o.qy, 2 * l + 1));
+                    let rgb = three(|c| o.taps(gathered.colours.row(o.qy, 3 * slot.first + c)));
+                    let n = o.to - o.from;
+                    let (distance, spread, count) = (&distance[..n], &spread[..n], &count[..n]);
+                    let [r, g, b] = three(|c| &rgb[c][..n]);
+                    let (pooled, rest) = sums[5 * l * w..][..5 * w].split_at_mut(w);
+                    let (freedoms, rest) = rest.split_at_mut(w);
+                    let (first, rest) = rest.split_at_mut(w);
+                    let (second, total) = rest.split_at_mut(w);
+                    let (pooled, freedoms) = (&mut pooled[o.from..o.to], &mut freedoms[o.from..o.to]);
+                    let (first, second) = (&mut first[o.from..o.to], &mut second[o.from..o.to]);
+                    let total = &mut total[o.from..o.to];
+                    for i in 0..n {
+                        let weight = weight(distance[i]);
+                        let freedom = weight * (count[i] - 1.0).max(0.0);
+                        let mean = luminance([r[i], g[i], b[i]]);
+                        pooled[i] += freedom * spread[i];
+                        freedoms[i] += freedom;
+                        first[i] += weight * mean;
+                        second[i] += weight * mean * mean;
+                        total[i] += weight;
+                    }
                 }
             }
         }
@@ -59,7 +70,8 @@ pub(crate) fn row(
         let count = gathered.moments.row(y, 2 * l + 1);
         let given = given.get(l).and_then(Option::as_ref).map(|plane| plane.row(y));
         for x in 0..w {
-            let [spread, freedom, first, second, total] = sums[l * w + x];
+            let sum = |k: usize| sums[(5 * l + k) * w + x];
+            let (spread, freedom, first, second, total) = (sum(0), sum(1), sum(2), sum(3), sum(4));
             let over_time = if freedom > 0.0 { spread / freedom } else { 0.0 };
             let mean = first / total;
             let over_space = (second / total - mean * mean).max(0.0) * count[x];
