@@ -306,7 +306,7 @@ fn options(tracing: Tracing, size: Size) -> RenderOptions {
     }
 }
 
-/// What the denoiser is told of a frame.
+/// What the denoiser reads of a frame.
 fn frame<'a>(planes: &'a Planes, view: &View, size: Size) -> gpu::Frame<'a> {
     let guides = GuideTextures {
         view_depth: Some(&planes.depth_hit),

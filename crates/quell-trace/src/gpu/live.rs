@@ -135,7 +135,7 @@ struct Kept {
 }
 
 /// A scene in a device's memory that is traced frame after frame, into textures: nothing is submitted, waited for or read
-/// back. It keeps no scene: what moves is told by [`LiveTracer::update`].
+/// back. It keeps no scene: [`LiveTracer::update`] brings what moves.
 pub struct LiveTracer {
     scenery: Scenery,
     module: wgpu::ShaderModule,
