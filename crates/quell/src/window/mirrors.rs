@@ -9,7 +9,7 @@ use crate::sequence::{Light, LightKind, SequenceFrame};
 
 /// Colour of what is no mirror.
 const WHITE: Rgb = [1.0; 3];
-/// No surface has a larger albedo, but for what half precision rounds.
+/// Brighter is no lamp in a room (21 in `hall`, 30 in `night`; divided by it, its reflection is smooth) but the sun or its glitter (1000 in `harbour`).
 const MOST_COLOUR: f32 = 64.0;
 /// Pixels from the edge of a lamp seen in a mirror to its middle, at most.
 const LARGEST_LAMP: usize = 64;
@@ -51,7 +51,7 @@ pub(super) fn mirror_colour(frame: &SequenceFrame, s: &Mirrors) -> Option<Packed
     Some(Packed::new(frame.size, 1, |_, i| colours[i]))
 }
 
-/// Where a mirror shows a lamp or the sun, `seen` is its radiance, thousands or infinity. It takes the colour of what is beside it
+/// Where a mirror shows the sun, `seen` is its radiance, thousands or infinity. It takes the colour of what is beside it
 /// in the mirror: light divided by a radiance would be next to nothing, and what it is mixed with would come back thousands of times brighter.
 fn colour_lamps(size: Size, colours: &mut [Rgb], mut lamps: Vec<usize>) {
     for _ in 0..LARGEST_LAMP {
