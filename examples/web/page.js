@@ -1,17 +1,25 @@
-// The page: runs the frames of frames.json through the denoiser, shows noisy | denoised, says how far the result lies from
-// the one that came with the frames. `?from=FOLDER/` names another folder than quell-shaders/.
+// The page: runs the frames of frames.json through the package quell-denoise, shows noisy | denoised, says how far the result lies from
+// the one that came with the frames. `?from=FOLDER/` names another folder than quell-shaders/; `?program` takes the shaders and
+// settings of that folder in place of the package's.
 
-import { Denoiser, compiled } from "./quell.js";
-import { prepared, told } from "./camera.js";
+import { Denoiser, loadProgram } from "quell-denoise";
 import { BYTES, read, texels } from "./texels.js";
 
 const parameters = new URLSearchParams(location.search);
-const base = parameters.get("from") ?? "quell-shaders/";
+const base = new URL(parameters.get("from") ?? "quell-shaders/", location.href);
 const says = document.querySelector("#says");
 const canvas = document.querySelector("canvas");
 
 /** What a script that drives the page looks at. */
 const state = (window.state = { done: false, failed: null, frames: [], adapter: null });
+
+/** What the package calls the textures that the files name as the manifest does. */
+const TEXTURES = {
+  "direct input": "direct", "matte input": "matte", "matte weight": "matteWeight", "direct matte": "matteDirect",
+  "glossy input": "glossy", "glossy weight": "glossyWeight", "direct glossy": "glossyDirect", "view depth": "depth",
+  normal: "normal", motion: "motion", roughness: "roughness", "glossy hit distance": "glossyHitDistance", "surface id": "surfaceId",
+  "confidence in": "confidence",
+};
 
 const SHOW = /* wgsl */ `
 struct Shown { split: f32, exposure: f32 }
@@ -59,7 +67,7 @@ class Screen {
     const { RENDER_ATTACHMENT, COPY_SRC } = GPUTextureUsage;
     const size = [canvas.width, canvas.height];
     screen.picture = device.createTexture({ label: "picture", size, format, usage: RENDER_ATTACHMENT | COPY_SRC });
-    const module = await compiled(device, "show", SHOW);
+    const module = device.createShaderModule({ label: "show", code: SHOW });
     const texture = (binding) => ({
       binding, visibility: GPUShaderStage.FRAGMENT, texture: { sampleType: "unfilterable-float" },
     });
@@ -79,8 +87,8 @@ class Screen {
     const encoder = this.device.createCommandEncoder({ label: "show" });
     const split = Number(document.querySelector("#split").value);
     this.device.queue.writeBuffer(this.uniform, 0, new Float32Array([split, this.exposure]));
-    const names = ["direct input", "matte input", "matte weight", "glossy input", "glossy weight"];
-    const textures = [denoised, ...names.map((name) => inputs.get(name) ?? this.black)];
+    const names = ["direct", "matte", "matteWeight", "glossy", "glossyWeight"];
+    const textures = [denoised, ...names.map((name) => inputs[name] ?? this.black)];
     const entries = textures.map((texture, i) => ({ binding: i + 1, resource: texture.createView() }));
     entries.unshift({ binding: 0, resource: { buffer: this.uniform } });
     const view = this.picture.createView();
@@ -95,24 +103,22 @@ class Screen {
   }
 }
 
-/** Brings a frame's planes into textures: the denoiser's own where it has them, else ones of the page. */
-async function upload(device, denoiser, frame, inputs) {
-  const response = await fetch(base + frame.file);
+/** Brings a frame's planes into textures, made when first needed. */
+async function upload(device, extent, frame, inputs) {
+  const response = await fetch(new URL(frame.file, base));
   if (!response.ok) throw new Error(`${frame.file}: ${response.status}`);
   const bytes = await response.arrayBuffer();
-  const extent = denoiser.extent;
   for (const { name, format, offset } of frame.planes) {
-    const texture = denoiser.texture(name) ?? inputs.get(name) ?? device.createTexture({
+    const texture = (inputs[TEXTURES[name]] ??= device.createTexture({
       label: name, size: extent, format, usage: GPUTextureUsage.TEXTURE_BINDING | GPUTextureUsage.COPY_DST,
-    });
-    if (!denoiser.texture(name)) {
-      inputs.set(name, texture);
-      denoiser.input(name, texture);
-    }
+    }));
     device.queue.writeTexture({ texture }, bytes, { offset, bytesPerRow: BYTES[format] * extent[0] }, extent);
   }
   return bytes;
 }
+
+/** A camera as the package takes it. */
+const camera = ({ clip_from_world: clipFromWorld, jitter }) => ({ clipFromWorld, jitter });
 
 /** How far values lie apart, relative to the larger one plus the plane's mean magnitude. Alpha is left out. */
 function apart(found, expected) {
@@ -137,43 +143,50 @@ async function run() {
   device.addEventListener("uncapturederror", (event) => fail(event.error));
   device.lost.then((info) => fail(new Error(`The device was lost: ${info.message}`)));
 
-  const response = await fetch(`${base}frames.json`);
-  if (!response.ok) throw new Error(`No ${base}frames.json: write it by \`quell shaders ${base} --frames 16\`.`);
+  const response = await fetch(new URL("frames.json", base));
+  if (!response.ok) throw new Error(`No ${base}frames.json: write it by \`quell shaders examples/web/quell-shaders --frames 16\`.`);
   const frames = await response.json();
   const extent = [frames.size.width, frames.size.height];
   [canvas.width, canvas.height] = extent;
-  const denoiser = await Denoiser.load(device, base, extent);
+  const [width, height] = extent;
+  const jitter = frames.frames.some((frame) => frame.camera.jitter.some((v) => v !== 0));
+  const program = parameters.has("program") ? await loadProgram(base) : undefined;
+  const denoiser = await Denoiser.create(device, { width, height, ...(program ? { program } : { jitter }) });
   const screen = await Screen.make(device, frames);
-  const inputs = new Map();
+  /** By the package's names. */
+  const inputs = {};
 
-  let before = null;
+  let output;
   for (const frame of frames.frames) {
-    denoiser.begin(frame.index, { frame: told(frame, before, extent), prepare: prepared(frame, extent) });
-    const bytes = await upload(device, denoiser, frame, inputs);
+    const bytes = await upload(device, extent, frame, inputs);
     await device.queue.onSubmittedWorkDone();
     const start = performance.now();
     const encoder = device.createCommandEncoder();
-    denoiser.encode(encoder);
+    output = denoiser.encode(encoder, {
+      index: frame.index,
+      camera: camera(frame.camera),
+      previousCamera: camera(frame.previous_camera),
+      textures: inputs,
+    });
     device.queue.submit([encoder.finish()]);
     await device.queue.onSubmittedWorkDone();
     const ms = performance.now() - start;
-    await screen.draw(denoiser.output("composite"), inputs);
+    await screen.draw(output.composite, inputs);
     const outputs = {};
     for (const { name, format, offset, bytes: length } of frame.expected) {
       const expected = texels(bytes.slice(offset, offset + length), format);
-      outputs[name] = apart(texels(await read(device, denoiser.output(name)), denoiser.output(name).format), expected);
+      outputs[name] = apart(texels(await read(device, output[name]), output[name].format), expected);
     }
     state.frames.push({ index: frame.index, ms, outputs });
     const { median, most, nearly_all: nearlyAll } = outputs.composite;
     says.textContent = `${state.adapter}: frame ${frame.index}, ${ms.toFixed(1)} ms from submitting to the end\n` +
       `off what came with it by ${median.toExponential(1)} (median), ${most.toExponential(1)} (98 %), ` +
       `${nearlyAll.toExponential(1)} (99.8 %), relative to each value plus the plane's mean`;
-    before = frame;
   }
-  document.querySelector("#split").oninput = () => screen.draw(denoiser.output("composite"), inputs).catch(fail);
+  document.querySelector("#split").oninput = () => screen.draw(output.composite, inputs).catch(fail);
   /** The texels of an output, for a script: base64. */
   window.output = async (name) => {
-    const texture = denoiser.output(name);
+    const texture = output[name];
     const bytes = new Uint8Array(await read(device, texture));
     let text = "";
     for (let i = 0; i < bytes.length; i += 0x8000) text += String.fromCharCode(...bytes.subarray(i, i + 0x8000));

@@ -9,6 +9,8 @@ mod gpu;
 mod metrics;
 mod offline;
 mod oidn;
+#[cfg(feature = "gpu")]
+mod package;
 mod player;
 mod references;
 mod scorecard;

@@ -1,0 +1,147 @@
+// Made by make.mjs.
+
+/** Parameters of the stages by name; docs/parameters.md says what each does, and where its value comes from. */
+export interface Settings {
+  /** Image of this frame that is the next frame's matte history. Default: blend. */
+  "pipeline.feedback"?: "temporal" | "prefilter" | "blend" | "firefly" | "bilateral";
+  /** Distance that rejects history. Default: plane. */
+  "surface.rejection"?: "off" | "plane" | "point";
+  /** Plane distance at which trust begins to fall (never under `pixel_distance`). From 0 to 1, of view depth. Default: 0.005. */
+  "surface.plane_distance"?: number;
+  /** Least plane distance at which trust begins to fall. From 0 to 16, pixel sizes at that depth. Default: 1. */
+  "surface.pixel_distance"?: number;
+  /** Point distance at which trust begins to fall, where `rejection` is `point`. From 0 to 1, of view depth. Default: 0.01. */
+  "surface.point_distance"?: number;
+  /** Distance at which trust is 0. From 1 to 10, of the distance above. Default: 1.4. */
+  "surface.falloff"?: number;
+  /** Least cosine between the normals now and then. From -1 to 1, cosine. Default: 0.5. */
+  "surface.normal_min"?: number;
+  /** A surface counts as unmoved where its motion differs from the camera's own by less. From 0 to 16, pixels. Default: 1. */
+  "surface.static_motion"?: number;
+  /** How far in depth a moving surface may have come from. From 0 to 10, of view depth. Default: 0.1. */
+  "surface.moving_depth"?: number;
+  /** Border of the previous image that is not trusted. From 0 to 64, pixels. Default: 0. */
+  "surface.guard_band"?: number;
+  /** History length at which confidence is full. From 1 to 64, frames. Default: 4. */
+  "surface.confidence_frames"?: number;
+  /** Switch of the stage. Default: true. */
+  "matte_temporal.enabled"?: boolean;
+  /** Most that history may count. The window is 1 / (1 - alpha) frames. From 0 to 0.999, share of history. Default: 0.98. */
+  "matte_temporal.alpha"?: number;
+  /** History of N frames counts at most N / (N + 1): a plain mean at first. Default: true. */
+  "matte_temporal.ramp"?: boolean;
+  /** Clamp of history to the current signal's neighbourhood. Default: off. */
+  "matte_temporal.clip"?: "off" | "box" | "sigma";
+  /** Radius of the clamp's window. From 1 to 4, pixels. Default: 2. */
+  "matte_temporal.clip_radius"?: number;
+  /** Width of the clamp where `clip` is `sigma`. From 0 to 16, standard deviations. Default: 1.5. */
+  "matte_temporal.clip_gamma"?: number;
+  /** Kz: fall of the weight with the distance in depth from the tangent plane. From 0 to 1000, per relative depth. Default: 5. */
+  "edge.depth"?: number;
+  /** Kn: fall of the weight with 1 - cosine^4 of the normals. From 0 to 100. Default: 1. */
+  "edge.normal"?: number;
+  /** Kp: fall of the weight with the sine of the angle out of the tangent planes. From 0 to 100. Default: 1. */
+  "edge.plane"?: number;
+  /** Kg of the matte stages: fall of the weight with the difference in smoothness. From 0 to 100. Default: 0. */
+  "edge.matte_gloss"?: number;
+  /** Kg of the glossy stages. From 0 to 100. Default: 1. */
+  "edge.glossy_gloss"?: number;
+  /** Along a separable kernel's line, outwards, the weight may only fall. Default: false. */
+  "edge.monotone"?: boolean;
+  /** Switch of the stage. Default: true. */
+  "matte_prefilter.enabled"?: boolean;
+  /** Taps of the spiral. From 1 to 64. Default: 24. */
+  "matte_prefilter.taps"?: number;
+  /** Radius of the spiral. From 0 to 256, pixels at 720 rows. Default: 32. */
+  "matte_prefilter.radius"?: number;
+  /** Gaussian over the spiral. From 0.05 to 10, of the radius. Default: 0.5. */
+  "matte_prefilter.sigma"?: number;
+  /** Turns of the spiral; 0: the best known for the number of taps. From 0 to 63. Default: 0. */
+  "matte_prefilter.turns"?: number;
+  /** The pattern changes from frame to frame. Default: true. */
+  "matte_prefilter.rotate"?: boolean;
+  /** Taps beyond the image's edge. Default: skip. */
+  "matte_prefilter.off_screen"?: "skip" | "mirror";
+  /** Switch of the stage. Default: true. */
+  "disocclusion.enabled"?: boolean;
+  /** Radius of the maximum of distrust. From 0 to 8, pixels. Default: 3. */
+  "disocclusion.radius"?: number;
+  /** Radius of the blur of distrust after its maximum. From 0 to 8, pixels. Default: 3. */
+  "disocclusion.blur"?: number;
+  /** Least share of the prefiltered image in the output. From 0 to 1, share of stage 4. Default: 0. */
+  "disocclusion.floor"?: number;
+  /** Least share of the prefiltered image in what `pipeline.feedback = blend` feeds back. From 0 to 1, share of stage 4. Default: 0.1. */
+  "disocclusion.feedback_floor"?: number;
+  /** Switch of the stage. Default: true. */
+  "firefly.enabled"?: boolean;
+  /** What the median chooses. Default: channel. */
+  "firefly.median"?: "channel" | "luminance";
+  /** A value is replaced only where it exceeds the median by this factor. From 1 to 100, of the median. Default: 2. */
+  "firefly.threshold"?: number;
+  /** Every value becomes the median, as in the engine. Default: false. */
+  "firefly.plain"?: boolean;
+  /** What the median reads. Default: disocclusion. */
+  "firefly.input"?: "disocclusion" | "temporal";
+  /** Switch of the stage. Default: true. */
+  "matte_bilateral.enabled"?: boolean;
+  /** Taps of the spiral. From 1 to 64. Default: 24. */
+  "matte_bilateral.taps"?: number;
+  /** Radius of the spiral. From 0 to 256, pixels at 720 rows. Default: 32. */
+  "matte_bilateral.radius"?: number;
+  /** Gaussian over the spiral. From 0.05 to 10, of the radius. Default: 0.5. */
+  "matte_bilateral.sigma"?: number;
+  /** Turns of the spiral; 0: the best known for the number of taps. From 0 to 63. Default: 0. */
+  "matte_bilateral.turns"?: number;
+  /** The pattern changes from frame to frame. Default: true. */
+  "matte_bilateral.rotate"?: boolean;
+  /** Taps beyond the image's edge. Default: skip. */
+  "matte_bilateral.off_screen"?: "skip" | "mirror";
+  /** Switch of the stage. Default: true. */
+  "glossy_temporal.enabled"?: boolean;
+  /** History is fetched where the reflected image was, not the surface. Default: true. */
+  "glossy_temporal.virtual_reprojection"?: boolean;
+  /** Most that history may count. From 0 to 0.999, share of history. Default: 0.9. */
+  "glossy_temporal.alpha"?: number;
+  /** History of N frames counts at most N / (N + 1). Default: true. */
+  "glossy_temporal.ramp"?: boolean;
+  /** Clamp of history to the current signal's neighbourhood. Default: sigma. */
+  "glossy_temporal.clip"?: "off" | "box" | "sigma";
+  /** Radius of the clamp's window. From 1 to 4, pixels. Default: 4. */
+  "glossy_temporal.clip_radius"?: number;
+  /** Width of the clamp where `clip` is `sigma`. From 0 to 16, standard deviations. Default: 1.5. */
+  "glossy_temporal.clip_gamma"?: number;
+  /** Filter of the hit distance over 3x3 before use. Default: min. */
+  "glossy_temporal.hit_filter"?: "off" | "min" | "median";
+  /** On curved reflectors history is fetched where the previous surface reflected the same point. Default: true. */
+  "glossy_temporal.curvature"?: boolean;
+  /** Hit distances beyond it count as it. From 0 to 1000000, of view depth. Default: 1000. */
+  "glossy_temporal.max_hit_distance"?: number;
+  /** Least cosine between normals for taps to lie on the same reflector. From -1 to 1, cosine. Default: 0.9. */
+  "glossy_temporal.reflector_normal_min"?: number;
+  /** Most by which the roughness of taps on the same reflector may differ. From 0 to 1, perceptual roughness. Default: 0.1. */
+  "glossy_temporal.reflector_roughness"?: number;
+  /** Switch of both passes. Default: true. */
+  "glossy_bilateral.enabled"?: boolean;
+  /** How the kernel is sized. Default: footprint. */
+  "glossy_bilateral.radius"?: "footprint" | "constant";
+  /** The footprint shrinks where the surface bends along the axis. Default: true. */
+  "glossy_bilateral.curvature"?: boolean;
+  /** Largest radius. From 0 to 64, pixels at 720 rows. Default: 12. */
+  "glossy_bilateral.max_radius"?: number;
+  /** Below it nothing is filtered. From 0 to 8, pixels. Default: 0.5. */
+  "glossy_bilateral.min_radius"?: number;
+  /** Distance between taps. From 0.5 to 8, pixels at 720 rows. Default: 2. */
+  "glossy_bilateral.step"?: number;
+  /** Gaussian over the kernel. From 0.05 to 10, of the radius. Default: 0.75. */
+  "glossy_bilateral.sigma"?: number;
+  /** Radius where `radius` is `constant`. From 0 to 64, pixels at 720 rows. Default: 8. */
+  "glossy_bilateral.constant_radius"?: number;
+  /** Switch of the stage. It acts only on frames with jitter. Default: true. */
+  "direct_taa.enabled"?: boolean;
+  /** Most that history may count. From 0 to 0.99, share of history. Default: 0.6. */
+  "direct_taa.history"?: number;
+  /** Motion at which history counts nothing. From 0.1 to 1000, pixels at 720 rows. Default: 8. */
+  "direct_taa.motion_falloff"?: number;
+  /** Fall of history's share with the amount that the clamp changed. From 0 to 100, per relative change. Default: 1. */
+  "direct_taa.clamp_falloff"?: number;
+}

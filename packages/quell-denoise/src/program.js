@@ -1,0 +1,116 @@
+// Programs: what a frame does, as data. Those of the package, and those of a folder that `quell shaders DIR` wrote.
+
+import made from "../made/programs.js";
+import { QuellError, shown } from "./error.js";
+import { programNumber } from "./settings.js";
+
+/** The shaders' texts are stored as blocks, since they share most of them. */
+const text = (shader) => shader.code.map((block) => made.blocks[block]).join("\n\n");
+
+/** The package's program for these stages. */
+export function builtIn(settings, signals, jitter) {
+  const number = programNumber(settings, signals, jitter);
+  const { dispatches, outputs } = made.programs[number];
+  return finished({
+    // Switches of stages that would not run anyway change nothing.
+    identity: JSON.stringify(made.programs[number]),
+    structs: made.structs,
+    resources: Object.values(made.resources),
+    dispatches: dispatches.map((index) => {
+      const { shader, ...dispatch } = made.dispatches[index];
+      return { ...dispatch, shader, label: made.shaders[shader].label, code: () => text(made.shaders[shader]) };
+    }),
+    outputs: made.outputs[outputs],
+  });
+}
+
+/** Leaves out the resources that no dispatch binds. */
+function finished(program) {
+  const bound = new Set(program.dispatches.flatMap(({ bindings }) => bindings.map(({ resource }) => resource)));
+  const kept = program.resources.filter(({ name }) => bound.has(name));
+  const standIns = new Set(["absent float", ...kept.map((resource) => resource.if_absent)]);
+  const resources = program.resources.filter(({ name }) => bound.has(name) || standIns.has(name));
+  return { ...program, resources: new Map(resources.map((resource) => [resource.name, resource])) };
+}
+
+const got = async (url, as) => {
+  const response = await fetch(url);
+  if (!response.ok) throw new QuellError("folder", String(url), `has no such file: ${url} (${response.status})`);
+  return response[as]();
+};
+
+/**
+ * A program from the files of `quell shaders DIR`: for settings that the package has no program for, other storage, passes one
+ * by one. Its settings are the ones that it was written with, for images of the height that it was written for.
+ * @param {string | URL} folder  with a slash at the end
+ */
+export async function loadProgram(folder) {
+  const base = new URL(folder, globalThis.location?.href);
+  const manifest = await got(new URL("manifest.json", base), "json");
+  if (manifest.format !== made.format) {
+    throw new QuellError("manifest.format", manifest.format, `is ${shown(manifest.format)}, not ${made.format}`);
+  }
+  const values = (name) => manifest.uniforms.find((uniform) => uniform.name === name)?.values;
+  if (!values("prepare")) {
+    throw new QuellError("manifest", manifest.uniforms.map((u) => u.name), "is for packed guides: leave out `--guides packed`");
+  }
+  const dispatches = await Promise.all(manifest.dispatches.map(async ({ file, ...dispatch }) => {
+    const code = await got(new URL(file, base), "text");
+    return { ...dispatch, shader: file, label: file, code: () => code };
+  }));
+  const taps = manifest.resources.filter(({ role }) => role === "taps");
+  const tables = await Promise.all(taps.map(async ({ name, file, bytes, period }) => [
+    name, { all: await got(new URL(file, base), "arrayBuffer"), bytes, period },
+  ]));
+  const { composite, ...settings } = values("settings");
+  return finished({
+    identity: String(base),
+    structs: manifest.structs,
+    resources: manifest.resources,
+    dispatches,
+    outputs: manifest.outputs,
+    signals: ["matte", "glossy"].filter((signal) => composite[signal] !== 0),
+    rows: manifest.size.height,
+    settings,
+    tables: new Map(tables),
+  });
+}
+
+/** `width`, `ceil(width / 8)`, `1`. */
+export function formula(words, extent) {
+  const quotient = /^ceil\((\w+) \/ (\w+)\)$/.exec(words);
+  if (quotient) return Math.ceil(formula(quotient[1], extent) / formula(quotient[2], extent));
+  if (words === "width") return extent[0];
+  if (words === "height") return extent[1];
+  if (/^\d+$/.test(words)) return Number(words);
+  throw new QuellError("manifest", words, `has the unknown formula ${shown(words)}`);
+}
+
+/** Writes the members of a struct at their offsets. */
+export function fill(structs, name, values, view, start = 0) {
+  for (const member of structs[name].members) {
+    const value = values[member.name];
+    if (value === undefined) throw new QuellError(`${name}.${member.name}`, value, "has no value");
+    const at = start + member.offset;
+    const each = (numbers, write) => [numbers].flat().forEach((v, i) => view[write](at + 4 * i, v, true));
+    if (/^(f32|vec[234]f)$/.test(member.type)) each(value, "setFloat32");
+    else if (/^(u32|vec[234]u)$/.test(member.type)) each(value, "setUint32");
+    else if (/^array<vec3f, \d+>$/.test(member.type)) {
+      // Each element takes the place of four numbers.
+      value.forEach((row, i) => row.forEach((v, k) => view.setFloat32(at + 16 * i + 4 * k, v, true)));
+    } else fill(structs, member.type, value, view, at);
+  }
+}
+
+/** A dispatch's binding, as a layout of bindings describes it. */
+export function layoutEntry(binding) {
+  const entry = { binding: binding.binding, visibility: GPUShaderStage.COMPUTE };
+  switch (binding.kind) {
+    case "uniform": return { ...entry, buffer: { type: "uniform" } };
+    case "read-only-storage": return { ...entry, buffer: { type: "read-only-storage" } };
+    case "storage": return { ...entry, buffer: { type: "storage" } };
+    case "texture": return { ...entry, texture: { sampleType: binding.sample_type } };
+    case "storage_texture": return { ...entry, storageTexture: { access: binding.access, format: binding.format } };
+    default: throw new QuellError("manifest", binding.kind, `has the unknown kind of binding ${shown(binding.kind)}`);
+  }
+}
