@@ -15,6 +15,8 @@ parameters! {
             higher "More surfaces without a glossy colour count as mirrors.", lower "Fewer.", source "ours";
         least_colour: f32 = 0.02, 1e-4..=1.0, "", "Least colour that light is divided by.",
             higher "Dark textures seen in mirrors blur.", lower "Their light is divided by next to nothing: fireflies.", source "ours";
+        brightest_colour: f32 = 64.0, 1.0..=1e30, "", "Most colour that light is divided by; what shows more is the sun or its glitter, and takes the colour beside it.",
+            higher "The sun seen in a mirror comes back in what it is mixed with.", lower "Lamps seen in mirrors blur.", source "ours: lamps are 21 in `hall`, 30 in `night`, glitter 1000 in `harbour`";
         edge_colour: f32 = 0.2, 0.0..=1.0, "", "Colour of reflections from which a pixel at a mirror's edge counts as part of it.",
             higher "A dotted line around mirrors.", lower "Glossy surfaces beside mirrors are divided by their picture.", source "ours";
     }
@@ -87,6 +89,16 @@ parameters! {
             higher "`gather.light_deviations` counts sooner.", lower "Later.", source "ours";
         light_contrast: f32 = 0.05, 0.0..=1.0, "of the light", "How far they may differ beyond that.",
             higher "Slow changes of light lag.", lower "Light without noise loses samples by rounding.", source "ours";
+        mean_pixels: f32 = 8.0, 0.0..=1e6, "noise of a pixel", "Squared difference at which a pixel counts half in these means over 5x5 pixels.",
+            higher "Stripes and edges of shadows mix; steadier means.", lower "They stay apart; means of few pixels.", source "ours: docs/sequence.md";
+        mean_windows: f32 = 2.0, 0.0..=1e6, "noise of both", "Squared difference at which the mean of another 5x5 pixels, of those within 25x25, counts half.",
+            higher "Steadier means, edges of shadows mix.", lower "A slow change of light is lost in the noise of few samples.", source "ours";
+        mean_strong: f32 = 0.1, 1e-3..=16.0, "of the light", "Noise of one pixel from which pixels that differ more count, too.",
+            higher "Pixels choose those that are as bright by chance.", lower "Stripes mix.", source "ours";
+        mean_least: f32 = 1.5, 1.0..=16.0, "times", "By how much the noise of a pixel, the least of second differences along four directions, is taken larger.",
+            higher "Structure is taken for noise.", lower "Means are taken for surer than they are.", source "ours";
+        mean_few: f32 = 0.25, 0.0..=16.0, "times", "By how much more where noise is strong, by its ratio to `gather.mean_strong` in squares.",
+            higher "Structure is taken for noise.", lower "Means of few samples are taken for surer than they are.", source "ours";
         same_noise: f32 = 0.75, 0.0..=16.0, "pixels", "Where one seed was used for all frames, the noise of a pixel is repeated within this distance.",
             higher "Slow motion loses samples.", lower "The same noise counts twice.", source "ours";
     }

@@ -4,10 +4,10 @@
 //! Two steps. First the mean luminance over 5x5 pixels of the same surface, in which pixels count less as they differ by more than their noise:
 //! stripes, edges of shadows and what mirrors show stay apart as samples grow. Then the mean of 25 such windows side by side, again as far as they
 //! are equal but for noise: with few samples a lamp that was switched off is seen only over many pixels. The noise of
-//! a pixel is found from second differences along the direction in which they are least, so that structure is not taken for noise.
-//! Mean and the deviation of that mean
-//! are kept in half precision, scaled where a frame holds colours beyond it. What a surface or the sky emits has noise only behind a
-//! medium, where a ray gets there by chance: where no medium is lit in 5x5 pixels its deviation is [`FREE`].
+//! a pixel is found from second differences along the direction in which they are least, so that structure is not taken for
+//! noise. Mean and the deviation of that mean are kept in half precision, scaled where a frame holds colours beyond it.
+//! What a surface or the sky emits has noise only behind a medium, where a ray gets there by chance: where no medium is
+//! lit in 5x5 pixels its deviation is [`FREE`].
 //! All is made for the whole frame, so that a band of rows finds the same.
 
 use super::features::Features;
@@ -27,22 +27,12 @@ const RADIUS: isize = 2;
 /// Sides of these windows, and how many of them to each side are looked at.
 const WINDOW: isize = 2 * RADIUS + 1;
 const STEPS: isize = 2;
-/// Squared difference, over the noise of one pixel, at which a pixel counts half.
-const EQUAL_PIXELS: f32 = 8.0;
-/// Noise of one pixel, relative to the light, from which pixels count that differ more: few samples have rare bright ones, and a pixel
-/// would choose those that are as bright by chance.
-const STRONG: f32 = 0.1;
+/// Keeps the tolerance finite where the light is next to nothing beside its noise.
 const STRONGEST: f32 = 1e4;
-/// The least of the noise along four directions is that much too small, at most.
-const LEAST_OF_FOUR: f32 = 1.5;
-/// And that much more of it where noise is strong: what few samples say of it differs from pixel to pixel.
-const FEW: f32 = 0.25;
 /// Keeps quotients finite where nothing varies.
 const LEAST: f32 = 1e-20;
 /// Variance of the second difference a - 2 b + c of independent values of variance 1.
 const SECOND_DIFFERENCE: f32 = 6.0;
-/// Squared difference, over the noise of both, at which a window counts half.
-const EQUAL: f32 = 2.0;
 /// Luminances beyond it count as it: squares stay finite.
 const MOST: f32 = 1e15;
 /// Means and deviations are no larger than the largest sample, and half precision holds twice this.
@@ -139,11 +129,11 @@ fn near(f: &Features, lights: &[Asked], media: &[usize], samples: &Packed, scale
         for x in 0..w {
             sums.fill([0.0; 5]);
             for (limit, (noise, mean)) in limits.iter_mut().zip(&found) {
-                let strong = noise[x] / (STRONG * STRONG * mean[x] * mean[x] + LEAST);
-                let strong = strong.min(STRONGEST);
+                let allowed = s.mean_strong * mean[x];
+                let strong = (noise[x] / (allowed * allowed + LEAST)).min(STRONGEST);
                 // The spread of the pixels is noise as far as it is below this.
-                let bound = noise[x] * (LEAST_OF_FOUR + FEW * strong);
-                *limit = [EQUAL_PIXELS * noise[x] * (1.0 + strong), bound];
+                let bound = noise[x] * (s.mean_least + s.mean_few * strong);
+                *limit = [s.mean_pixels * noise[x] * (1.0 + strong), bound];
             }
             let mut medium = false;
             for qy in (y as isize - RADIUS).max(0)..=(y as isize + RADIUS).min(h as isize - 1) {
@@ -234,9 +224,10 @@ fn wide(f: &Features, lights: &[Asked], near: &[[f16; 2]], s: &Gather) -> Vec<[f
     if n == 0 {
         return data;
     }
+    // Light without noise, whose deviation is below 0, is compared like the rest.
     let at = |q: usize, light: usize| {
         let [mean, deviation] = near[q * n + light];
-        [widen(mean), widen(deviation)]
+        [widen(mean), widen(deviation).max(0.0)]
     };
     par::rows(&mut data, w * n, |y, out| {
         let mut sums = vec![[0.0f32; 3]; n];
@@ -258,7 +249,7 @@ fn wide(f: &Features, lights: &[Asked], near: &[[f16; 2]], s: &Gather) -> Vec<[f
                         if same || !lights[light].bounded {
                             let ([mean, deviation], [other, others]) = (at(p, light), at(q, light));
                             let (noise, difference) = (deviation * deviation + others * others, other - mean);
-                            let t = EQUAL * noise;
+                            let t = s.mean_windows * noise;
                             let weight = if noise > 0.0 { t / (t + difference * difference) } else { 0.0 };
                             *sum =
                                 [sum[0] + weight * other, sum[1] + weight * weight * others * others, sum[2] + weight];
@@ -302,4 +293,31 @@ fn alike(f: &Features, p: usize, q: usize, s: &Gather) -> bool {
     let near = (b.inverse_depth - a.inverse_depth).abs() <= s.moving_depth * a.inverse_depth;
     let cosine: f32 = (0..3).map(|c| a.normal[c] * b.normal[c]).sum();
     near && (cosine >= s.plane_normal || (a.normal == [0.0; 3] && b.normal == [0.0; 3]))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::plane::Size;
+    use crate::sequence::{SequenceFrame, SequenceSettings};
+
+    /// Windows of another brightness do not mix, even where one of them has no noise at all: its deviation, below 0, is no noise of 1.
+    #[test]
+    fn other_light_without_noise_stays_out_of_a_mean() {
+        let size = Size::new(11, 1);
+        let settings = SequenceSettings::default();
+        let features = Features::new(&SequenceFrame::new(0, size), &settings);
+        let lights = [Asked { first: 0, bounded: true, behind: true }];
+        let noisy = [1.0, 0.1].map(f16::from_f32);
+        let wide = |other: [f32; 2]| {
+            let mut near = vec![noisy; size.pixels()];
+            near[..5].fill(other.map(f16::from_f32));
+            wide(&features, &lights, &near, &settings.gather)[5][0].to_f32()
+        };
+        for deviation in [0.1, 0.0, FREE] {
+            assert!((wide([3.0, deviation]) - 1.0).abs() < 0.02, "deviation {deviation}");
+            // What is equal but for noise does.
+            assert!((1.02..1.04).contains(&wide([1.1, deviation.max(0.1)])));
+        }
+    }
 }

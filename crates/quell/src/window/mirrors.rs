@@ -9,8 +9,6 @@ use crate::sequence::{Light, LightKind, SequenceFrame};
 
 /// Colour of what is no mirror.
 const WHITE: Rgb = [1.0; 3];
-/// Brighter is no lamp in a room (21 in `hall`, 30 in `night`; divided by it, its reflection is smooth) but the sun or its glitter (1000 in `harbour`).
-const MOST_COLOUR: f32 = 64.0;
 /// Pixels from the edge of a lamp seen in a mirror to its middle, at most.
 const LARGEST_LAMP: usize = 64;
 
@@ -39,7 +37,7 @@ pub(super) fn mirror_colour(frame: &SequenceFrame, s: &Mirrors) -> Option<Packed
         if !(specular && lit) {
             return WHITE;
         }
-        if !seen.iter().all(|&c| (0.0..=MOST_COLOUR).contains(&c)) {
+        if !seen.iter().all(|&c| (0.0..=s.brightest_colour).contains(&c)) {
             lamps.push(p);
             return WHITE;
         }

@@ -381,7 +381,11 @@ fn every_parameter_matters() {
                 [(x as f32 + SPEED * t as f32) * 0.1, y as f32 * -0.1, 0.4 * random(x, y, t, 7) - z]
             }));
             f.depth = Some(depth);
-            let shown = |x: usize, y: usize| [0.2 + 0.5 * random((x + 2 * t as usize) / 3, y / 3, 0, 8); 3];
+            // With a lamp in it.
+            let shown = |x: usize, y: usize| match (x, y) {
+                (12..14, 8..10) => [80.0; 3],
+                _ => [0.2 + 0.5 * random((x + 2 * t as usize) / 3, y / 3, 0, 8); 3],
+            };
             f.seen_albedo = Some(Plane::from_fn(SIZE, shown));
             f.seen_normal = Some(Plane::from_fn(SIZE, |x, y| {
                 let a = random((x + 2 * t as usize) / 4, y / 4, 0, 3);
