@@ -1,12 +1,13 @@
 // quell-denoise on the device of three.js' WebGPU renderer. three.js draws the G-buffer: emission, albedo, normals, velocity, depth. A small
-// path tracer adds one path a pixel, quell takes the noise out, three.js tone-maps the picture.
+// path tracer adds one path a pixel, quell takes the noise out, three.js shows the picture.
 //
 // ?size=WxH; for scripts: ?frames=N stops after N frames under a moving camera (`window.state`, `picture()`), ?score=P compares the last with
 // P paths a pixel, ?still leaves things where they are, ?readback draws to a 2D canvas: a browser that runs WebGPU in software may have no WebGPU canvas.
 
 import * as THREE from "three/webgpu";
 import {
-  float, materialColor, materialEmissive, materialMetalness, materialRoughness, mix, mrt, normalView, step, texture, uniform, uv, vec4, velocity,
+  luminance, materialColor, materialEmissive, materialMetalness, materialRoughness, mix, mrt, normalView, step, texture, uniform, uv, vec4,
+  velocity,
 } from "three/tsl";
 import { OrbitControls } from "three/addons/controls/OrbitControls.js";
 import { Denoiser, multiplied } from "quell-denoise";
@@ -94,7 +95,6 @@ async function run() {
   state.adapter = [device.adapterInfo?.vendor, device.adapterInfo?.architecture].filter(Boolean).join(" ");
   renderer.setPixelRatio(1);
   renderer.setSize(width, height, false);
-  renderer.toneMapping = THREE.NoToneMapping;
 
   const { scene, lamp, pose, meshes } = room();
   const camera = new THREE.PerspectiveCamera(50, width / height, 0.1, 50);
@@ -155,32 +155,38 @@ async function run() {
 
   if (Number.isFinite(last)) {
     let output;
-    while (state.frames < last) output = await frame(state.frames / 8);
+    while (state.frames < last) {
+      output = await frame(state.frames / 8);
+      await device.queue.onSubmittedWorkDone();
+    }
     says.textContent = `${state.adapter}: ${state.frames} frames of ${width}x${height}`;
     window.picture = async () => Array.from(await read(device, output.composite));
     const paths = Number(parameters.get("score") ?? 0);
     if (paths) state.score = await score(device, { tracer, trace, output, emission, albedo, paths });
     return;
   }
-  let before = performance.now();
+  let [before, isBusy] = [performance.now(), false];
   renderer.setAnimationLoop(async (now) => {
-    if (state.failed) return;
+    if (state.failed || isBusy) return;
+    isBusy = true;
     await frame(now / 1000);
+    isBusy = false;
     says.textContent = `${width}x${height}, one path a pixel, ${(now - before).toFixed(1)} ms from frame to frame`;
     before = now;
   });
 }
 
-/** Draws noisy | denoised, tone-mapped by three.js. */
+/** Draws noisy | denoised by three.js. */
 async function makeScreen(renderer, target, tracer) {
   const split = uniform(0.5);
   const [emission, albedo] = target.textures.map((t) => texture(t));
   let quad;
   const material = (composite) => {
     const noisy = emission.add(texture(shown(tracer.matte)).add(texture(shown(tracer.glossy))).mul(albedo));
-    const both = mix(noisy, texture(shown(composite)), step(split, uv().x));
+    const both = mix(noisy, texture(shown(composite)), step(split, uv().x)).rgb;
     const made = new THREE.MeshBasicNodeMaterial();
-    made.colorNode = vec4(both.rgb, float(1));
+    // Reinhard's curve on the luminance; three.js maps no tones in a render target, so it is done here for both ways of showing.
+    made.colorNode = vec4(both.div(luminance(both).mul(0.5).add(1)), 1);
     return made;
   };
   const own = isReadBack ? new THREE.RenderTarget(canvas.width, canvas.height) : null;
@@ -190,11 +196,9 @@ async function makeScreen(renderer, target, tracer) {
     // The composite is the same texture at every frame.
     quad ??= new THREE.QuadMesh(material(composite));
     split.value = Number(document.querySelector("#split").value);
-    renderer.toneMapping = THREE.NeutralToneMapping;
     renderer.setRenderTarget(own);
     quad.render(renderer);
     renderer.setRenderTarget(null);
-    renderer.toneMapping = THREE.NoToneMapping;
     if (!flat) return;
     const pixels = await renderer.readRenderTargetPixelsAsync(own, 0, 0, canvas.width, canvas.height);
     flat.putImageData(new ImageData(new Uint8ClampedArray(pixels), canvas.width, canvas.height), 0, 0);

@@ -91,7 +91,7 @@ fn run(browser: &Browser, page: &str, files: &[File]) -> Value {
 pub(super) fn await_end(browser: &Browser) {
     let start = Instant::now();
     while browser.value("window.state?.done") != Value::Bool(true) {
-        assert!(start.elapsed() < Duration::from_secs(180), "the page does not end: {}", browser.value("window.state"));
+        assert!(start.elapsed() < Duration::from_secs(300), "the page does not end: {}", browser.value("window.state"));
         std::thread::sleep(Duration::from_millis(50));
     }
 }
