@@ -131,8 +131,11 @@ fn what_the_package_holds_is_current() {
     }
 }
 
+/// A parameter and its value, as `--set` takes them.
+type Change = (&'static str, &'static str);
+
 /// Settings that move every member of the struct, each with a size.
-fn cases() -> Vec<(Size, Vec<(&'static str, &'static str)>)> {
+fn cases() -> Vec<(Size, Vec<Change>)> {
     vec![
         (Size::new(96, 54), vec![]),
         (Size::new(1920, 1080), vec![]),
