@@ -23,7 +23,7 @@ import time
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 import bpy
 
-SCENES = ("workshop", "yard", "night", "harbour", "kitchen")
+SCENES = ("workshop", "yard", "night", "harbour", "kitchen", "drawn")
 
 
 def numbers(text):
@@ -68,6 +68,7 @@ def main():
     ap.add_argument("--scene", choices=SCENES, required=True)
     ap.add_argument("--kind", choices=("noisy", "reference"), required=True)
     ap.add_argument("--variant", choices=("plain", "f14", "fog"), default="plain")
+    ap.add_argument("--draw", type=int, default=0, help="which of the scenes of `drawn`, any number")
     ap.add_argument("--out", required=True)
     ap.add_argument("--frames", help="as 1-4,7; all by default")
     ap.add_argument("--spp", type=int, help="samples; references have 256")
@@ -79,7 +80,8 @@ def main():
 
     bpy.ops.wm.read_factory_settings(use_empty=True)
     module = __import__(a.scene)
-    camera = module.build()
+    drawn = [a.draw] if a.scene == "drawn" else []
+    camera = module.build(*drawn)
     if a.variant == "f14":
         module.open_lens(camera)
     elif a.variant == "fog":
@@ -99,7 +101,7 @@ def main():
     if a.scene == "workshop":
         as_hall(cycles)
     if hasattr(module, "settings"):
-        module.settings(cycles)
+        module.settings(cycles, *drawn)
     passes(scene.view_layers[0])
     output(render)
 

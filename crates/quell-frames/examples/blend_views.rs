@@ -2,7 +2,7 @@
 //!
 //!     cargo run --release -p quell-frames --example blend_views -- SEQUENCE OUT FRAMES EVERY [NAME=VALUE ...]
 //!
-//! For every frame of FRAMES (as 6-8) one file OUT/NNNN.npy of 32-bit floats, (height, width, 27): three candidates of three
+//! For every frame of FRAMES (as 6-8) one file OUT/NNNN.npy of 32-bit floats, (height, width, 36): three candidates of three
 //! channels, the noise, what the net of `blend` reads. For one pixel in EVERY (0: none) the taps of `stabilise`: OUT/NNNN.head, 32-bit
 //! floats, a row of 30 for each pixel: column, row, one over the brightness, noise, three candidates over the brightness, statistics;
 //! OUT/NNNN.taps, 16-bit floats, rows of 79 taps of 9 numbers: colour over brightness, squared differences of four parts of the

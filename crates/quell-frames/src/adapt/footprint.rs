@@ -34,9 +34,10 @@ impl Footprint {
         (12.0 * self.lights + 4.0) * (steady as f64 + 1.0) + (12.0 + 12.0 + 48.0) * (2.0 * steady as f64 + 1.0)
     }
 
-    /// The filter's images of one frame: colours twice, variances twice, what is compared; its guides.
+    /// The filter's images of one frame: colours twice, variances twice, what is compared; its guides. Or those of `blend`: statistics, what
+    /// its net reads and makes of it.
     pub fn at_work(&self) -> f64 {
-        40.0 * self.lights + 80.0
+        (40.0 * self.lights + 80.0).max(360.0)
     }
 
     /// As it comes out of the filter, with its expected error.

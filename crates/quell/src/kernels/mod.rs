@@ -7,7 +7,7 @@
 //! | `temporal`, `clip` | the blend with history; its clamp to the neighbourhood | real-time |
 //! | `edge`, `spiral` | cross-bilateral weights; sparse tap patterns | real-time |
 //! | `guide_distance` | edge-stopping functions of feature buffers | sequence |
-//! | `net` | a small net | sequence |
+//! | `net`, `conv` | small nets: of a pixel's statistics; convolutional | sequence |
 //! | `bilinear`, `math`, `halves` | footprints; functions with the same bits on every machine | both |
 //!
 //! `*_cpu.rs` are twins on vectors, `*.wgsl` on the GPU.
@@ -16,6 +16,7 @@ pub(crate) mod bilinear;
 pub mod clip;
 #[cfg(feature = "cpu")]
 pub(crate) mod clip_cpu;
+pub(crate) mod conv;
 pub mod edge;
 #[cfg(feature = "cpu")]
 pub(crate) mod edge_cpu;

@@ -268,7 +268,7 @@ pub struct BlendView {
     /// Input, wavelet's picture, stabilised picture.
     pub candidates: [Plane<Rgb>; 3],
     /// What the net reads.
-    pub inputs: Plane<crate::stages::blend::Inputs>,
+    pub inputs: Plane<crate::stages::blend::Read>,
     /// Noise of the input, squared, mean of the channels.
     pub noise: Plane<f32>,
     /// The same as `stabilise` finds it.
@@ -297,7 +297,8 @@ pub(crate) fn blend_view(
     let window = blend_window(frames);
     let of =
         |steady: &Plane<Rgb>| crate::stages::blend::cpu::inputs(&window, centre, steady, (&s.gather, &s.stabilise));
-    let ((inputs, noise), (before, own_noise)) = (of(&steady), of(&estimate.picture));
+    let ((_, noise), (before, own_noise)) = (of(&steady), of(&estimate.picture));
+    let inputs = crate::stages::blend::cpu::read_by_net(&window, centre, &steady, (&s.gather, &s.stabilise));
     let chosen: Vec<_> = (0..noise.size().pixels())
         .filter(|i| every > 0 && (i.wrapping_mul(0x9e37_79b9) >> 16) % every == 0)
         .map(|i| (i % noise.size().width, i / noise.size().width))

@@ -195,7 +195,13 @@ parameters! {
             higher "Softer changes between pictures.", lower "Harder ones.", source "ours";
         strength: f32 = 1.0, 0.0..=4.0, "", "Share of the noise removal that comes out; beyond 1 the more filtered pictures gain.",
             higher "Smoother.", lower "Grain comes back: 0 is the input.", source "ours";
-        guard: f32 = 16.0, 1.0..=1000.0, "times the squared noise", "How far the result may lie from the input, squared, mean over 5x5.",
+        guard: f32 = 16.0, 1.0..=1000.0, "times the squared noise", "How far the result may lie from the input, squared, mean over 5x5, where noise is strong.",
             higher "The net is trusted further.", lower "What the filter removed comes back sooner.", source "ours";
+        guard_low: f32 = 2.0, 1.0..=1000.0, "times the squared noise", "The same where it is weak.",
+            higher "Bias stays with many samples a pixel.", lower "Noise stays with many samples a pixel.", source "ours: docs/sequence.md";
+        guard_noise: f32 = 0.05, 0.0..=16.0, "of the brightness", "Deviation of the noise at which it lies half between (in squares).",
+            higher "`blend.guard_low` counts sooner.", lower "Later; 0: never.", source "ours";
+        visible: f32 = 0.02, 0.0..=1.0, "of the brightness", "Deviation of the noise at which half of it is left: weaker noise is not seen, and removing it not worth a bias.",
+            higher "Faint noise stays.", lower "0: what the filter makes wrong stays however many samples there are.", source "ours: docs/sequence.md";
     }
 }

@@ -136,8 +136,8 @@ fn errors(samples: usize, settings: SequenceSettings) -> [f64; 2] {
     sums.map(|sum| sum / count)
 }
 
-/// The error falls at every step. That it ends at the input's own, as it should, does not hold on this scene yet: at 4096 samples it is
-/// larger with the nets, and with thresholds (stripes and bars that slide are taken for noise; docs/limits.md has the figures).
+/// The error falls at every step, and ends near the input's own. With the nets: 1.06 times at 4096 samples; 1.05 is what is wanted. With thresholds in
+/// their place it ends further away (stripes and bars that slide are taken for noise; docs/limits.md).
 #[test]
 fn more_samples_always_help() {
     let mut wrong = Vec::new();
@@ -149,7 +149,8 @@ fn more_samples_always_help() {
             let [input, output] = errors(samples, settings.clone());
             let line = format!("net {net}, {samples} samples: input {input:.3e}, output {output:.3e}");
             println!("{line}, {:.3} times", output / input);
-            if output >= last {
+            let too_far = samples == 4096 && output > if net { 1.1 } else { 1.4 } * input;
+            if output >= last || too_far {
                 wrong.push(line);
             }
             last = output;

@@ -2,7 +2,7 @@
 
 use super::{
     Blend, BlendFrame, DIRECTIONS, FRAMES, HIGH_PASS, LEAST_BRIGHTNESS, MOST_CHANGE, NEAR, NOISE_NEAR, NOISE_WIDE,
-    Pooled, SECOND_DIFFERENCE, WIDE, drawn_back, follow, shares, silhouette,
+    Pooled, READ, SECOND_DIFFERENCE, WIDE, by_thresholds, drawn_back, follow, net, read, shares, silhouette,
 };
 use crate::frame::Rgb;
 use crate::kernels::math::three;
@@ -24,18 +24,41 @@ pub(crate) fn run(
     let size = here.input.size();
     let (inverse, differences, stats) = statistics(window, centre, steady, gather);
     let w = size.width;
+    let edges = |y: usize| -> Vec<bool> { (0..w).map(|x| silhouette(here.features, x, y, stabilise.nearer)).collect() };
+    let said = s.net.then(|| {
+        let mut read = Rows::new(size, READ);
+        par::rows(read.data_mut(), (READ * w).max(1), |y, out| {
+            widest!(read_row((&stats, &inverse), (here, steady), y, &edges(y), out));
+        });
+        net().run(read, here.features.first_row)
+    });
     let mut shares_of = Plane::filled(size, [0.0; 3]);
     let mut expected = Plane::filled(size, 0.0);
     par::two_rows(shares_of.data_mut(), w, expected.data_mut(), w, |y, shares_of, expected| {
-        let edges: Vec<_> = (0..w).map(|x| silhouette(here.features, x, y, stabilise.nearer)).collect();
-        widest!(shares_row(&stats, y, &edges, s, shares_of, expected));
+        widest!(shares_row(&stats, said.as_ref(), y, &edges(y), s, shares_of, expected));
     });
-    draw_back(&mut shares_of, &differences, &stats, s.guard);
+    draw_back(&mut shares_of, &differences, &stats, s);
     let noise = par::plane(size, |x, y| expected.at(x, y).sqrt() / inverse.at(x, y));
     Blend { shares: shares_of, noise }
 }
 
-/// What the net reads of every pixel, for its training.
+/// What the net reads of every pixel, and the squared noise, for its training.
+#[cfg(feature = "internals")]
+pub(crate) fn read_by_net(
+    window: &[BlendFrame<'_>],
+    centre: usize,
+    steady: &Plane<Rgb>,
+    (gather, stabilise): (&Gather, &Stabilise),
+) -> Plane<super::Read> {
+    let here = &window[centre];
+    let noise = PictureNoise::new(window, centre, steady, gather);
+    Plane::from_fn(here.input.size(), |x, y| {
+        let (pooled, inverse) = noise.at(x, y, here.features, stabilise.nearer);
+        read(&pooled, [here.input.at(x, y), here.picture.at(x, y), steady.at(x, y)], inverse)
+    })
+}
+
+/// The statistics of every pixel, and its squared noise, for the training of `stabilise`'s net.
 #[cfg(feature = "internals")]
 pub(crate) fn inputs(
     window: &[BlendFrame<'_>],
@@ -299,8 +322,27 @@ impl Statistics {
 }
 
 #[inline(always)]
+fn read_row(
+    (stats, inverse): (&Statistics, &Plane<f32>),
+    (here, steady): (&BlendFrame<'_>, &Plane<Rgb>),
+    y: usize,
+    edges: &[bool],
+    out: &mut [f32],
+) {
+    let w = edges.len();
+    for (x, edge) in edges.iter().enumerate() {
+        let candidates = [here.input.at(x, y), here.picture.at(x, y), steady.at(x, y)];
+        let values = read(&stats.at(x, y, *edge), candidates, inverse.at(x, y));
+        for (c, value) in values.into_iter().enumerate() {
+            out[c * w + x] = value;
+        }
+    }
+}
+
+#[inline(always)]
 fn shares_row(
     stats: &Statistics,
+    said: Option<&Rows>,
     y: usize,
     edges: &[bool],
     s: &Settings,
@@ -309,13 +351,16 @@ fn shares_row(
 ) {
     for (x, edge) in edges.iter().enumerate() {
         let pooled = stats.at(x, y, *edge);
-        let (share, error) = shares(&pooled, s);
+        let (share, error) = match said {
+            Some(said) => shares([0, 1, 2, 3].map(|c| said.at(x, y, c)), s.strength),
+            None => by_thresholds(&pooled, s),
+        };
         shares_of[x] = share;
         expected[x] = error * pooled.noise(1) / 3.0;
     }
 }
 
-fn draw_back(shares: &mut Plane<[f32; 3]>, differences: &Rows, stats: &Statistics, guard: f32) {
+fn draw_back(shares: &mut Plane<[f32; 3]>, differences: &Rows, stats: &Statistics, s: &Settings) {
     let size = shares.size();
     let w = size.width;
     let mut squared = Rows::new(size, 1);
@@ -332,7 +377,7 @@ fn draw_back(shares: &mut Plane<[f32; 3]>, differences: &Rows, stats: &Statistic
     par::rows(shares.data_mut(), w, |y, row| {
         for (x, share) in row.iter_mut().enumerate() {
             let noise = stats.at(x, y, false).least_noise();
-            let kept = drawn_back(difference.at(x, y, 0), noise, guard);
+            let kept = drawn_back(difference.at(x, y, 0), noise, s);
             let [_, wavelet, steady] = share.map(|v| v * kept);
             *share = [1.0 - (wavelet + steady), wavelet, steady];
         }

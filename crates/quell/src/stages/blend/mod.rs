@@ -5,9 +5,9 @@
 //! |---|---|
 //! | reads | the input, the wavelet's picture and the stabilised one of a frame; input and wavelet's picture of its neighbours, their depth, normals and motion |
 //! | writes | the share of each of the three at every pixel; the expected error of the mixture |
-//! | reach | 10 pixels: windows of 5x5, in them windows of 11x11 of differences over 3x3, relative to means over 5x5; neighbours in time are those of `stabilise` |
-//! | equation | share_k = g(z_k) / sum g(z), g(z) = ((z + sqrt(z^2 + 4)) / 2)^2; z = net([`Inputs`]) |
-//! | source | choice between filtered candidates by estimated error: SURE (Li et al. 2012), Rousselle et al. 2013; by a small net on pooled statistics: ours, `docs/sequence.md` |
+//! | reach | 30 pixels: 20 of the net; windows of 5x5, in them windows of 11x11 of differences over 3x3, relative to means over 5x5; neighbours in time are those of `stabilise` |
+//! | equation | share_k = g(z_k) / sum g(z), g(z) = ((z + sqrt(z^2 + 4)) / 2)^2, z = 6 y / (6 + \|y\|), y = net([`Read`]) |
+//! | source | choice between filtered candidates by estimated error: SURE (Li et al. 2012), Rousselle et al. 2013; by a small convolutional net (`kernels/conv.rs`) on pooled statistics: ours, `docs/sequence.md` |
 //! | parameters | `blend.*` |
 //!
 //! No other stage asks what its average is worth against what it started from. Here the input itself judges: the differences of
@@ -18,20 +18,21 @@
 //! noise, so that it does not depend on exposure.
 //!
 //! The shares steer pictures and passes alike, so that passes add up. Whatever the net says, a mixture that lies further from
-//! the input than `blend.guard` times the noise explains is drawn back to it. The noise for that is the least of all that is
-//! known, that along edges and stripes of the input included. Fine detail that slides is still counted as noise:
-//! there the output does not reach the input at many samples (docs/limits.md).
+//! the input than `blend.guard` times the noise explains is drawn back to it; and so is every mixture where the noise is too weak to be
+//! seen (`blend.visible`), so that the output tends to the input as samples grow. The noise for that is the least of all
+//! that is known, that along edges and stripes of the input included.
 
 #[cfg(feature = "cpu")]
 pub(crate) mod cpu;
 pub mod reference;
-mod weights;
 
 use crate::frame::Rgb;
+use crate::kernels::conv::{self, ConvNet};
 use crate::plane::Plane;
 use crate::reach::Reach;
 use crate::sequence::settings::Blend as Settings;
 use crate::window::Features;
+use std::sync::LazyLock;
 
 /// A frame as the stage reads it.
 #[derive(Clone, Copy, Debug)]
@@ -87,10 +88,14 @@ pub(crate) const DEPTH_STEP: f32 = 0.1;
 /// Least cosine between normals of one surface in two frames.
 pub(crate) const LEAST_COSINE: f32 = 0.8;
 
-/// How far the stage looks: the window of what draws back, in it that of the noise, of differences over 3x3, which are relative to a
-/// brightness. Frames around are those that `stabilise` holds.
+/// How far the statistics look: a window, in it that of the noise, of differences over 3x3, which are relative to a brightness.
+pub(crate) fn statistics_reach() -> usize {
+    NOISE_NEAR + NOISE_WIDE + 1 + NOISE_NEAR
+}
+
+/// How far the stage looks: its net at statistics. Frames around are those that `stabilise` holds.
 pub(crate) fn reach() -> Reach {
-    Reach::around(NOISE_NEAR + NOISE_WIDE + 1 + NOISE_NEAR)
+    Reach::around(conv::REACH + statistics_reach())
 }
 
 /// The pixel of `to` that shows what pixel `q` of `from` shows, `at` being its place, which is moved along. `None`: it is lost.
@@ -202,25 +207,58 @@ impl Pooled {
     }
 }
 
-/// Shares of the candidates; and the expected squared error over the input's noise.
+/// What the net of `blend` reads of a pixel: colours of the three candidates, v / (1 + |v|) of each channel over the brightness, then
+/// [`Inputs`].
+pub const READ: usize = 9 + INPUTS;
+/// See [`READ`].
+pub type Read = [f32; READ];
+
+/// What the net reads.
 #[inline(always)]
-pub(crate) fn shares(pooled: &Pooled, s: &Settings) -> ([f32; 3], f32) {
-    if !s.net {
-        return by_thresholds(pooled, s);
+pub(crate) fn read(pooled: &Pooled, candidates: [Rgb; 3], inverse: f32) -> Read {
+    let mut out = [0.0; READ];
+    for (k, colour) in candidates.iter().enumerate() {
+        for (c, value) in colour.iter().enumerate() {
+            let v = value * inverse;
+            out[3 * k + c] = v / (1.0 + v.abs());
+        }
     }
-    let strength = s.strength;
-    let z = weights::NET.run(&pooled.inputs());
-    let g = |z: f32| {
+    out[9..].copy_from_slice(&pooled.inputs());
+    out
+}
+
+/// Channels of the net at full size, half and a quarter.
+const WIDTHS: [usize; 3] = [16, 32, 32];
+/// What the net gives: a number for each candidate, and `log2` of the expected squared error over the input's noise.
+const OUTPUTS: usize = 4;
+/// The numbers of candidates are between this and its negative: no candidate is lost from sight in training.
+const MOST_NUMBER: f32 = 6.0;
+
+/// The net's weights, trained by `benchmarks/nets/blend.py`.
+static WEIGHTS: &[u8] = include_bytes!("weights.bin");
+const _: () = assert!(WEIGHTS.len() == ConvNet::bytes(READ, WIDTHS, OUTPUTS));
+
+/// The net.
+pub(crate) fn net() -> &'static ConvNet {
+    static NET: LazyLock<ConvNet> = LazyLock::new(|| ConvNet::read(WEIGHTS, READ, WIDTHS, OUTPUTS));
+    &NET
+}
+
+/// Shares of the candidates by what the net says; and the expected squared error over the input's noise.
+#[inline(always)]
+pub(crate) fn shares(said: [f32; OUTPUTS], strength: f32) -> ([f32; 3], f32) {
+    let g = |y: f32| {
+        let z = MOST_NUMBER * y / (MOST_NUMBER + y.abs());
         let half = 0.5 * (z + (z * z + 4.0).sqrt());
         half * half
     };
     // Beyond 1 the more filtered candidates gain.
     let more = strength.max(1.0);
-    let g = [g(z[0]), g(z[1]) * more * more, g(z[2]) * more * more * more * more];
+    let g = [g(said[0]), g(said[1]) * more * more, g(said[2]) * more * more * more * more];
     let total = g[0] + g[1] + g[2];
     let less = strength.min(1.0);
     let (wavelet, steady) = (less * g[1] / total, less * g[2] / total);
-    ([1.0 - (wavelet + steady), wavelet, steady], exp2(z[3]))
+    ([1.0 - (wavelet + steady), wavelet, steady], exp2(said[3]))
 }
 
 /// Without the net: share of the noise that a filtered picture is believed to be rid of.
@@ -229,7 +267,7 @@ const REMOVED: f32 = 0.9;
 /// Acceptance by steps, made by hand: the wavelet's picture, then the stabilised one, is taken where its squared distance from
 /// the input is explained by the noise.
 #[inline(always)]
-fn by_thresholds(pooled: &Pooled, s: &Settings) -> ([f32; 3], f32) {
+pub(crate) fn by_thresholds(pooled: &Pooled, s: &Settings) -> ([f32; 3], f32) {
     let noise = pooled.noise(0);
     let accepted = |apart: f32| {
         let excess = apart / noise - 1.0 - s.excess;
@@ -241,12 +279,16 @@ fn by_thresholds(pooled: &Pooled, s: &Settings) -> ([f32; 3], f32) {
     ([1.0 - (wavelet + steady), wavelet, steady], 1.0 - REMOVED * first)
 }
 
-/// What draws a mixture back to the input that lies further from it than the noise explains: the factor of its difference, 1 up to
-/// `guard` times the noise, 0 from twice that.
+/// What draws a mixture back to the input that lies further from it than the noise explains: the factor of its difference, 1 up to so many
+/// times the noise, 0 from twice that. What weak noise explains is known better than what strong noise does, of which few
+/// samples have rare bright ones. And where it is so weak that nobody sees it, removing it is not worth a bias. `noise` is
+/// squared, relative to the brightness, summed over the channels.
 #[inline(always)]
-pub(crate) fn drawn_back(difference: f32, noise: f32, guard: f32) -> f32 {
+pub(crate) fn drawn_back(difference: f32, noise: f32, s: &Settings) -> f32 {
+    let share = |deviation: f32| noise / (noise + 3.0 * deviation * deviation);
+    let explained = noise * (s.guard_low + (s.guard - s.guard_low) * share(s.guard_noise));
     // NaN, of infinities, is no agreement.
-    if difference < 2.0 * guard * noise { (2.0 - difference / (guard * noise)).min(1.0) } else { 0.0 }
+    if difference < 2.0 * explained { share(s.visible) * (2.0 - difference / explained).min(1.0) } else { 0.0 }
 }
 
 /// What is left of white noise's variance less its mean over 3x3, binomial.

@@ -2,10 +2,11 @@
 
 use super::{
     Blend, BlendFrame, DIRECTIONS, FRAMES, HIGH_PASS, LEAST_BRIGHTNESS, MOST_CHANGE, NEAR, NOISE_NEAR, NOISE_WIDE,
-    Pooled, SECOND_DIFFERENCE, WIDE, drawn_back, follow, shares, silhouette,
+    Pooled, Read, SECOND_DIFFERENCE, WIDE, by_thresholds, drawn_back, follow, net, read, shares, silhouette,
 };
 use crate::frame::Rgb;
-use crate::plane::Plane;
+use crate::kernels::conv::{ConvNet, GRID, LEAK, MOST_INPUT};
+use crate::plane::{Plane, Size};
 use crate::sequence::settings::{Blend as Settings, Gather, Stabilise};
 
 /// Shares of input, wavelet's picture and `steady`, the stabilised one, of `window[centre]`, on the whole image.
@@ -26,14 +27,22 @@ pub fn run(
     let wavelet = Plane::from_fn(size, |x, y| relative(here.input, here.picture, x, y));
     let stabilised = Plane::from_fn(size, |x, y| relative(here.input, steady, x, y));
     let squared = |v: [f64; 3]| v.iter().map(|v| v * v).sum::<f64>();
-    let wanted = Plane::from_fn(size, |x, y| shares(&pooled.at(x, y), s));
+    let read = |x: usize, y: usize| {
+        let candidates = [here.input.at(x, y), here.picture.at(x, y), steady.at(x, y)];
+        read(&pooled.at(x, y), candidates, (1.0 / brightness.at(x, y)) as f32)
+    };
+    let said = s.net.then(|| judged(net(), size, here.features.first_row, &read));
+    let wanted = Plane::from_fn(size, |x, y| match &said {
+        Some(said) => shares(said.at(x, y), s.strength),
+        None => by_thresholds(&pooled.at(x, y), s),
+    });
     let moved = |x: usize, y: usize| {
         let [_, a, b] = wanted.at(x, y).0.map(f64::from);
         squared([0, 1, 2].map(|c| a * wavelet.at(x, y)[c] + b * stabilised.at(x, y)[c]))
     };
     let shares = Plane::from_fn(size, |x, y| {
         let difference = mean(w, h, (x, y), NOISE_NEAR, moved) as f32;
-        let kept = drawn_back(difference, pooled.at(x, y).least_noise(), s.guard);
+        let kept = drawn_back(difference, pooled.at(x, y).least_noise(), s);
         let [_, wavelet, steady] = wanted.at(x, y).0.map(|v| v * kept);
         [1.0 - (wavelet + steady), wavelet, steady]
     });
@@ -42,6 +51,71 @@ pub fn run(
         (f64::from(expected).sqrt() * brightness.at(x, y)) as f32
     });
     Blend { shares, noise }
+}
+
+/// What the net says of every pixel: the whole net in double precision, layer by layer.
+fn judged(net: &ConvNet, size: Size, first_row: usize, read: &dyn Fn(usize, usize) -> Read) -> Plane<[f32; 4]> {
+    let above = first_row % GRID;
+    let padded = Size::new(size.width.next_multiple_of(GRID), (above + size.height).next_multiple_of(GRID));
+    let inside = |x: usize, y: usize| (x.min(size.width - 1), y.saturating_sub(above).min(size.height - 1));
+    let standard: Vec<Vec<f64>> = (0..padded.pixels())
+        .map(|p| {
+            let (x, y) = inside(p % padded.width, p / padded.width);
+            let values = read(x, y).into_iter().zip(&net.mean).zip(&net.scale);
+            let most = f64::from(MOST_INPUT);
+            values.map(|((v, mean), scale)| (f64::from(v - mean) * f64::from(*scale)).clamp(-most, most)).collect()
+        })
+        .collect();
+    // Images are rows of pixels of channels.
+    let layer = |image: &[Vec<f64>], size: Size, k: usize| -> Vec<Vec<f64>> {
+        let (l, last) = (&net.layers[k], k + 1 == net.layers.len());
+        let around = l.side as isize / 2;
+        let place = |v: usize, d: isize, extent: usize| (v as isize + d).clamp(0, extent as isize - 1) as usize;
+        (0..size.pixels())
+            .map(|p| {
+                let (x, y) = (p % size.width, p / size.width);
+                (0..l.outputs)
+                    .map(|o| {
+                        let mut sum = f64::from(l.bias[o]);
+                        for c in 0..l.inputs {
+                            for (dy, dx) in (-around..=around).flat_map(|dy| (-around..=around).map(move |dx| (dy, dx)))
+                            {
+                                let tap = (dy + around) as usize * l.side + (dx + around) as usize;
+                                let weight = l.weights[(o * l.inputs + c) * l.side * l.side + tap];
+                                let q = place(y, dy, size.height) * size.width + place(x, dx, size.width);
+                                sum += f64::from(weight) * image[q][c];
+                            }
+                        }
+                        if sum < 0.0 && !last { f64::from(LEAK) * sum } else { sum }
+                    })
+                    .collect()
+            })
+            .collect()
+    };
+    let halved = |image: &[Vec<f64>], size: Size| -> (Vec<Vec<f64>>, Size) {
+        let half = Size::new(size.width / 2, size.height / 2);
+        let mean = |p: usize| {
+            let q = 2 * (p / half.width) * size.width + 2 * (p % half.width);
+            let four = [q, q + 1, q + size.width, q + size.width + 1];
+            (0..image[0].len()).map(|c| four.iter().map(|&q| image[q][c]).sum::<f64>() / 4.0).collect()
+        };
+        ((0..half.pixels()).map(mean).collect(), half)
+    };
+    let beside = |whole: &[Vec<f64>], half: &[Vec<f64>], size: Size| -> Vec<Vec<f64>> {
+        let both = |p: usize| {
+            let q = p / size.width / 2 * (size.width / 2) + p % size.width / 2;
+            whole[p].iter().chain(&half[q]).copied().collect()
+        };
+        (0..size.pixels()).map(both).collect()
+    };
+    let a = layer(&layer(&standard, padded, 0), padded, 1);
+    let (b, half) = halved(&a, padded);
+    let b = layer(&b, half, 2);
+    let (c, quarter) = halved(&b, half);
+    let c = layer(&layer(&c, quarter, 3), quarter, 4);
+    let d = layer(&beside(&b, &c, half), half, 5);
+    let out = layer(&layer(&beside(&a, &d, padded), padded, 6), padded, 7);
+    Plane::from_fn(size, |x, y| [0, 1, 2, 3].map(|k| out[(above + y) * padded.width + x][k] as f32))
 }
 
 /// What is known of the noise at every pixel, and the brightness that it is relative to.

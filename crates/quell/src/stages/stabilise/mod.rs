@@ -204,6 +204,6 @@ const FOOTPRINT: usize = 2;
 
 /// How far the stage looks.
 pub(crate) fn reach(s: &Stabilise) -> Reach {
-    let pixels = if s.net { WINDOW.max(blend::reach().pixels[0]) } else { WINDOW };
+    let pixels = if s.net { WINDOW.max(blend::statistics_reach()) } else { WINDOW };
     Reach { frames: s.frames, footprint: FOOTPRINT, ..Reach::around(pixels) }
 }
