@@ -32,6 +32,9 @@ pub enum LiveError {
     /// The camera looks at nothing: its place or direction is not finite.
     #[error("this camera cannot be used: {0}")]
     Camera(&'static str),
+    /// A file could not be fetched.
+    #[error("{0}")]
+    Read(String),
     /// A file could not be written.
     #[error("{0}")]
     Write(String),

@@ -29,6 +29,6 @@ pub use choice::{Choice, DEBUG_VIEWS, Pane, Tracing};
 pub use clock::Times;
 pub use engine::{Engine, Made, Sight};
 pub use error::LiveError;
-pub use pilot::{Mode, Pilot};
+pub use pilot::{Mode, Pilot, View};
 pub use shot::Shot;
 pub use stage::{Lamp, Stage, is_file, open, open_bytes};

@@ -44,7 +44,59 @@ pub struct Pilot {
     fov: f32,
 }
 
+/// A place to look from, in words `EX,EY,EZ,TX,TY,TZ[,TIME]`: the eye, what it looks at, the time in frames.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct View {
+    /// Where the eye is, world space.
+    pub eye: [f32; 3],
+    /// What it looks at, world space.
+    pub target: [f32; 3],
+    /// Time in frames of the scene.
+    pub time: f64,
+}
+
+impl std::str::FromStr for View {
+    type Err = &'static str;
+
+    fn from_str(words: &str) -> Result<Self, Self::Err> {
+        let numbers: Vec<f64> = words.split(',').map_while(|word| word.trim().parse().ok()).collect();
+        let is_usable = |v: &f64| v.is_finite() && v.abs() < f64::from(f32::MAX);
+        let is_whole = numbers.len() == words.split(',').count() && numbers.iter().all(is_usable);
+        match (numbers.as_slice(), is_whole) {
+            ([a, b, c, d, e, f, time @ ..], true) if time.len() < 2 => Ok(Self {
+                eye: [*a as f32, *b as f32, *c as f32],
+                target: [*d as f32, *e as f32, *f as f32],
+                time: time.first().map_or(0.0, |t| t.max(0.0)),
+            }),
+            _ => Err(
+                "three numbers of the eye, three of what it looks at, and if wanted the time in frames, with commas",
+            ),
+        }
+    }
+}
+
 impl Pilot {
+    /// The view in words, as [`View`] reads it.
+    pub fn words(&self, time: f64) -> String {
+        let target = self.eye + self.forward() * self.distance;
+        let place = self.eye.to_array().into_iter().chain(target.to_array()).map(|v| v.to_string());
+        place.chain([time.to_string()]).collect::<Vec<_>>().join(",")
+    }
+
+    /// Takes the camera to a view.
+    ///
+    /// # Errors
+    /// One that looks at where it stands.
+    pub fn place(&mut self, view: &View) -> Result<(), LiveError> {
+        let (eye, target) = (Vec3::from(view.eye), Vec3::from(view.target));
+        let forward = (target - eye).try_normalize().ok_or(LiveError::Camera("the view looks at where it stands"))?;
+        self.take();
+        self.eye = eye;
+        self.distance = (target - eye).length();
+        self.look_along(forward);
+        Ok(())
+    }
+
     /// Where the scene's camera number `camera` (from 1) stands at `time`, in frames.
     ///
     /// # Errors
@@ -189,6 +241,23 @@ mod tests {
             assert!((a - b).abs() < 1e-3 * a.abs().max(1.0), "{path:?} {taken:?}");
         }
         assert!(Pilot::at(&scene, 99, 0.0, Mode::Path).is_err());
+    }
+
+    #[test]
+    fn a_view_comes_back_from_its_words() {
+        let scene = builtin("cornell-box").unwrap();
+        let mut pilot = Pilot::at(&scene, 1, 0.0, Mode::Orbit).unwrap();
+        pilot.drag([0.3, -0.2]);
+        let view: View = pilot.words(3.5).parse().unwrap();
+        let mut other = Pilot::at(&scene, 1, 0.0, Mode::Path).unwrap();
+        other.place(&view).unwrap();
+        assert!((other.eye - pilot.eye).length() + (other.forward() - pilot.forward()).length() < 1e-4);
+        assert_eq!((view.time, other.mode), (3.5, Mode::Orbit));
+        for words in ["", "1,2,3", "1,2,3,4,5,x", "1,2,3,4,5,6,7,8", "1,2,3,4,5,inf", "1,2,3,4,5,6,"] {
+            assert!(words.parse::<View>().is_err(), "{words}");
+        }
+        let nowhere: View = "1,2,3,1,2,3".parse().unwrap();
+        assert!(other.place(&nowhere).is_err());
     }
 
     #[test]

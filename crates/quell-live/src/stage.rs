@@ -66,10 +66,16 @@ pub fn open(source: &str) -> Result<(Scene, Vec<String>), LiveError> {
 /// # Errors
 /// A file that cannot be read, or that needs others beside it.
 pub fn open_bytes(name: &str, bytes: Vec<u8>) -> Result<(Scene, Vec<String>), LiveError> {
-    Ok(loaded(gltf::load_bytes(bytes, Path::new("."), name, &gltf::Options::default())?))
+    Ok(loaded(parsed(name, bytes)?))
 }
 
-fn loaded(loaded: Loaded) -> (Scene, Vec<String>) {
+/// The first half of [`open_bytes`].
+pub(crate) fn parsed(name: &str, bytes: Vec<u8>) -> Result<Loaded, LiveError> {
+    Ok(gltf::load_bytes(bytes, Path::new("."), name, &gltf::Options::default())?)
+}
+
+/// The second half: chooses an exposure.
+pub(crate) fn loaded(loaded: Loaded) -> (Scene, Vec<String>) {
     let Loaded { mut scene, report } = loaded;
     let mut notes = report.notes.clone();
     notes.extend(report.warnings.iter().take(8).map(|warning| format!("warning: {warning}")));

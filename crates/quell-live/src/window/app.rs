@@ -1,13 +1,17 @@
 //! What is open, what is shown, and the frame that is asked of the engine.
 
-use super::drive::{Drive, Marks};
+#[cfg(not(target_arch = "wasm32"))]
+use super::drive::Drive;
+#[cfg(not(target_arch = "wasm32"))]
+use super::film::Film;
+use super::marks::Marks;
+use super::opening::{Opening, Place, Source};
 use crate::choice::Choice;
 use crate::clock::Times;
 use crate::engine::{Engine, Made, Sight};
 use crate::error::LiveError;
-use crate::pilot::{Mode, Pilot};
+use crate::pilot::{Mode, Pilot, View};
 use crate::shot::Shot;
-use crate::stage::Stage;
 use eframe::egui;
 use eframe::egui_wgpu::RenderState;
 use quell::Size;
@@ -15,7 +19,6 @@ use quell::gpu::wgpu;
 use std::collections::VecDeque;
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::mpsc::Receiver;
 use std::sync::{Arc, Mutex, PoisonError};
 
 /// Frames whose times are kept.
@@ -25,15 +28,6 @@ pub(super) const SCENE_RATE: f64 = 24.0;
 /// The window has had a size for so long before pictures take it, seconds.
 const SETTLED: f64 = 0.15;
 
-type Opened = Result<(Stage, Vec<String>), LiveError>;
-
-/// A scene that is being opened.
-pub(super) struct Opening {
-    pub(super) name: String,
-    /// Where it arrives from another thread.
-    arrives: Receiver<Opened>,
-}
-
 /// How a program is begun.
 #[derive(Clone, Debug)]
 pub(super) struct Start {
@@ -41,14 +35,22 @@ pub(super) struct Start {
     pub(super) source: String,
     /// Pixels of the picture for each of the window's, along both axes.
     pub(super) scale: Option<f32>,
+    /// The same where it is not said and the device is not one in software.
+    pub(super) usual_scale: f32,
     /// The picture's own extent, whatever the window's is.
     pub(super) size: Option<Size>,
-    /// Where files are written.
+    /// Where files are written; a page's go where the browser keeps what it downloads.
     pub(super) folder: PathBuf,
+    /// Where the first scene's camera stands ([`Pilot::words`]).
+    pub(super) view: Option<View>,
+    /// Whether controls are shown.
+    pub(super) shows_panel: bool,
+    #[cfg(not(target_arch = "wasm32"))]
     pub(super) script: Option<String>,
 }
 
 /// A view that was saved.
+#[derive(Clone, Copy)]
 pub(super) struct Saved {
     pub(super) pilot: Pilot,
     pub(super) time: f64,
@@ -95,8 +97,13 @@ pub(super) struct App {
     shot: Option<(Shot, PathBuf)>,
     pub(super) trouble: Trouble,
     pub(super) marks: Marks,
+    /// A page has no folder for hundreds of pictures.
+    #[cfg(not(target_arch = "wasm32"))]
+    pub(super) film: Film,
+    #[cfg(not(target_arch = "wasm32"))]
     pub(super) drive: Option<Drive>,
     pub(super) shows_panel: bool,
+    view: Option<View>,
     started: bool,
 }
 
@@ -139,7 +146,7 @@ impl App {
             speed: 1.0,
             is_stopped: false,
             // A device in software traces a sixteenth of the pixels.
-            scale: start.scale.unwrap_or(if is_software { 0.25 } else { 1.0 }),
+            scale: start.scale.unwrap_or(if is_software { 0.25 } else { start.usual_scale }),
             size: start.size,
             folder: start.folder,
             asked: (size, 0.0),
@@ -152,8 +159,12 @@ impl App {
             shot: None,
             trouble,
             marks: Marks::default(),
+            #[cfg(not(target_arch = "wasm32"))]
+            film: Film::default(),
+            #[cfg(not(target_arch = "wasm32"))]
             drive: start.script.map(|script| Drive::new(&script)),
-            shows_panel: true,
+            shows_panel: start.shows_panel,
+            view: start.view,
             started: false,
             device,
             queue,
@@ -161,50 +172,45 @@ impl App {
         if is_software {
             app.choice.tracing.direct_samples = 4;
         }
-        app.open(start.source);
+        app.open(Source::Named(start.source));
         Ok(app)
     }
 
     /// Opens a scene; the last one stays until it is ready, or for good where it is refused.
-    pub(super) fn open(&mut self, name: String) {
+    pub(super) fn open(&mut self, source: Source) {
         self.error = None;
-        let (send, arrives) = std::sync::mpsc::channel();
-        let (device, queue) = (self.device.clone(), self.queue.clone());
-        let kernels = Arc::clone(self.engine.kernels());
-        let options = self.engine.options(self.choice.tracing);
-        let source = name.clone();
-        std::thread::spawn(move || {
-            let opened = crate::open(&source)
-                .and_then(|(scene, notes)| Ok((Stage::new(&device, &queue, &kernels, scene, &options)?, notes)));
-            // Nobody waits for it any more where another scene was asked for meanwhile.
-            let _ = send.send(opened);
-        });
-        self.opening = Some(Opening { name, arrives });
+        let place = Place {
+            device: self.device.clone(),
+            queue: self.queue.clone(),
+            kernels: Arc::clone(self.engine.kernels()),
+            options: self.engine.options(self.choice.tracing),
+        };
+        self.opening = Some(Opening::begin(source, place));
     }
 
     /// Takes a scene that has arrived.
     fn arrive(&mut self) {
         let Some(opening) = &self.opening else { return };
-        let opened = match opening.arrives.try_recv() {
-            Ok(opened) => opened,
-            Err(std::sync::mpsc::TryRecvError::Empty) => return,
-            Err(std::sync::mpsc::TryRecvError::Disconnected) => {
-                Err(LiveError::Device(format!("opening {} ended without a word", opening.name)))
-            }
-        };
+        let Some(opened) = opening.arrived() else { return };
         let name = opening.name.clone();
         self.opening = None;
         let pilot = opened.and_then(|(stage, notes)| {
-            let pilot = Pilot::at(stage.scene(), 1, 0.0, Mode::Path)?;
-            Ok((stage, notes, pilot))
+            let mut pilot = Pilot::at(stage.scene(), 1, 0.0, Mode::Path)?;
+            let view = self.view.take();
+            if let Some(view) = view {
+                pilot.place(&view)?;
+            }
+            Ok((stage, notes, pilot, view.map_or(0.0, |view| view.time)))
         });
         match pilot {
-            Ok((stage, mut notes, pilot)) => {
+            Ok((stage, mut notes, pilot, time)) => {
                 notes.extend(stage.notes().iter().cloned());
                 self.engine.set_stage(stage);
                 self.pilot = Some(pilot);
-                (self.name, self.notes, self.time) = (name, notes, 0.0);
+                (self.name, self.notes, self.time) = (name, notes, time);
                 self.saved.clear();
+                #[cfg(not(target_arch = "wasm32"))]
+                self.film.forget();
                 self.last = None;
             }
             Err(error) => {
@@ -217,7 +223,11 @@ impl App {
 
     /// Where time stands, after a frame that took so long.
     fn go_on(&mut self, seconds: f64) {
-        if self.is_playing && self.drive.is_none() {
+        #[cfg(not(target_arch = "wasm32"))]
+        if self.film.is_writing() {
+            return;
+        }
+        if self.is_playing && !self.is_driven() {
             self.time += seconds.min(0.25) * SCENE_RATE * f64::from(self.speed);
         } else if self.is_playing {
             // The same frames in every run of a script.
@@ -231,6 +241,14 @@ impl App {
         }
     }
 
+    /// A script stands in for the user.
+    fn is_driven(&self) -> bool {
+        #[cfg(not(target_arch = "wasm32"))]
+        return self.drive.is_some();
+        #[cfg(target_arch = "wasm32")]
+        false
+    }
+
     /// Pictures of the extent that the window asks for, once it has settled. `asked` in pixels of the screen.
     pub(super) fn fit(&mut self, asked: [f32; 2], now: f64) {
         let side = |v: f32| ((v * self.scale).round() as usize).max(1);
@@ -239,8 +257,8 @@ impl App {
         if size != self.asked.0 {
             self.asked = (size, now);
         }
-        let has_settled = now - self.asked.1 >= SETTLED || !self.started || self.drive.is_some();
-        if size == self.engine.size() || !has_settled || self.shot.is_some() {
+        let has_settled = now - self.asked.1 >= SETTLED || !self.started || self.is_driven();
+        if size == self.engine.size() || !has_settled || self.is_held() {
             return;
         }
         match self.engine.resize(size) {
@@ -260,6 +278,10 @@ impl App {
         self.arrive();
         self.times = self.engine.times();
         if self.is_stopped || self.is_busy.load(Ordering::Acquire) {
+            return;
+        }
+        #[cfg(not(target_arch = "wasm32"))]
+        if !self.next_step() {
             return;
         }
         let (Some(stage), Some(pilot)) = (self.engine.stage(), &mut self.pilot) else { return };
@@ -286,6 +308,8 @@ impl App {
         self.is_busy.store(true, Ordering::Release);
         let is_busy = Arc::clone(&self.is_busy);
         self.queue.on_submitted_work_done(move || is_busy.store(false, Ordering::Release));
+        #[cfg(not(target_arch = "wasm32"))]
+        self.step_done();
         if let Some(before) = self.shown_at {
             self.history.push_back((now - before) as f32);
             if self.history.len() > HISTORY {
@@ -298,22 +322,50 @@ impl App {
 
     /// Begins a picture's way to a file.
     pub(super) fn save_picture(&mut self) {
+        let number = self.last.map_or(0, |made| made.number);
+        self.shoot(self.file(&format!("{number:05}"), "png"));
+    }
+
+    /// A picture is on its way to a file.
+    pub(super) fn is_saving(&self) -> bool {
+        self.shot.is_some()
+    }
+
+    /// Pictures keep their extent: one is on its way, or many of one path are.
+    fn is_held(&self) -> bool {
+        #[cfg(not(target_arch = "wasm32"))]
+        if self.film.is_writing() {
+            return true;
+        }
+        self.is_saving()
+    }
+
+    pub(super) fn shoot(&mut self, path: PathBuf) {
         if self.shot.is_some() || self.last.is_none() {
             return;
         }
         let mut encoder = self.device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("shot") });
         let shot = Shot::new(&self.device, &mut encoder, self.engine.picture().texture());
         self.queue.submit([encoder.finish()]);
-        self.shot = Some((shot, self.file("png")));
+        self.shot = Some((shot, path));
+    }
+
+    /// The view in words: in a page its address becomes that of the view.
+    pub(super) fn tell_view(&mut self, pilot: Pilot) {
+        let words = pilot.words(self.time);
+        #[cfg(not(target_arch = "wasm32"))]
+        let said = format!("--view {words}");
+        #[cfg(target_arch = "wasm32")]
+        let said = super::page::address(&self.name, &words);
+        self.said = Some(said);
     }
 
     /// A name that says what is shown.
-    pub(super) fn file(&self, extension: &str) -> PathBuf {
+    pub(super) fn file(&self, part: &str, extension: &str) -> PathBuf {
         let stem: String = std::path::Path::new(&self.name).file_stem().map_or_else(String::new, |stem| {
             stem.to_string_lossy().chars().map(|c| if c.is_alphanumeric() || c == '-' { c } else { '_' }).collect()
         });
-        let number = self.last.map_or(0, |made| made.number);
-        self.folder.join(format!("{stem}-{number:05}.{extension}"))
+        self.folder.join(format!("{stem}-{part}.{extension}"))
     }
 
     /// Ends it, once the pixels are there.
@@ -321,18 +373,22 @@ impl App {
         let Some(pixels) = self.shot.as_ref().and_then(|(shot, _)| shot.take()) else { return };
         let Some((shot, path)) = self.shot.take() else { return };
         let size = shot.size();
-        let written = png(size, &pixels).and_then(|bytes| {
-            quell_frames::files::write_bytes(&path, &bytes).map_err(|error| LiveError::Write(error.to_string()))
-        });
+        let written = png(size, &pixels).and_then(|bytes| write(&path, &bytes));
         match written {
             Ok(()) => self.said = Some(format!("wrote {}", path.display())),
-            Err(error) => self.error = Some(error.to_string()),
+            Err(error) => {
+                self.error = Some(error.to_string());
+                #[cfg(not(target_arch = "wasm32"))]
+                self.end_film();
+            }
         }
     }
 
     /// The last frame's planes as a file.
+    #[cfg(not(target_arch = "wasm32"))]
     pub(super) fn save_planes(&mut self) {
-        let path = self.file("exr");
+        let number = self.last.map_or(0, |made| made.number);
+        let path = self.file(&format!("{number:05}"), "exr");
         match super::native::write_planes(self, &path) {
             Ok(()) => self.said = Some(format!("wrote {}", path.display())),
             Err(error) => self.error = Some(error.to_string()),
@@ -342,6 +398,10 @@ impl App {
     /// What a test asks for.
     pub(super) fn report(&self) -> serde_json::Value {
         let size = self.engine.size();
+        #[cfg(not(target_arch = "wasm32"))]
+        let film = self.film.frames();
+        #[cfg(target_arch = "wasm32")]
+        let film = 0;
         let pilot = self.pilot.as_ref();
         serde_json::json!({
             "scene": self.name,
@@ -358,7 +418,9 @@ impl App {
             "camera": pilot.map(|p| format!("{:?}", p.mode)),
             "eye": pilot.map(|p| p.eye().to_array()),
             "forward": pilot.map(|p| p.forward().to_array()),
+            "film": film,
             "time": self.time,
+            "view": pilot.map(|p| p.words(self.time)),
             "settings": quell::settings::PARAMETERS.iter().map(|p| {
                 (p.name.to_owned(), self.choice.settings.get(p.name).unwrap_or_default().into())
             }).collect::<serde_json::Map<String, serde_json::Value>>(),
@@ -385,6 +447,12 @@ fn png(size: Size, pixels: &[u8]) -> Result<Vec<u8>, LiveError> {
 }
 
 impl eframe::App for App {
+    #[cfg(target_arch = "wasm32")]
+    fn as_any_mut(&mut self) -> Option<&mut dyn std::any::Any> {
+        Some(self)
+    }
+
+    #[cfg(not(target_arch = "wasm32"))]
     fn raw_input_hook(&mut self, _: &egui::Context, input: &mut egui::RawInput) {
         if let Some(mut drive) = self.drive.take() {
             drive.before_frame(self, input);
@@ -399,7 +467,7 @@ impl eframe::App for App {
         let _ = self.device.poll(wgpu::PollType::Poll);
         let dropped = ctx.input(|i| i.raw.dropped_files.clone());
         for file in dropped {
-            self.open(file.path().to_string_lossy().into_owned());
+            self.open(Source::Dropped(file));
         }
         if let Some(words) = self.trouble.lock().unwrap_or_else(PoisonError::into_inner).take() {
             self.error = Some(words);
@@ -412,6 +480,7 @@ impl eframe::App for App {
         self.picture(ui, now);
         self.make(now);
         self.finish_shot();
+        #[cfg(not(target_arch = "wasm32"))]
         if let Some(mut drive) = self.drive.take() {
             drive.after_frame(self, &ctx);
             self.drive = Some(drive);
@@ -421,15 +490,10 @@ impl eframe::App for App {
     }
 }
 
-/// Set by what ends the program with an error.
-static FAILED: AtomicBool = AtomicBool::new(false);
-
-/// Remembers that the program fails, and says why.
-pub(super) fn fail(words: &str) {
-    eprintln!("error: {words}");
-    FAILED.store(true, Ordering::Release);
+#[cfg(not(target_arch = "wasm32"))]
+fn write(path: &std::path::Path, bytes: &[u8]) -> Result<(), LiveError> {
+    quell_frames::files::write_bytes(path, bytes).map_err(|error| LiveError::Write(error.to_string()))
 }
 
-pub(super) fn has_failed() -> bool {
-    FAILED.load(Ordering::Acquire)
-}
+#[cfg(target_arch = "wasm32")]
+use super::page::write;

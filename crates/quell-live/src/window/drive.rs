@@ -6,6 +6,7 @@
 //! ```text
 //! open SCENE               as if it were dropped on the window; waits until it is shown or refused
 //! opened                   until no scene is being opened any more
+//! written                  until a camera's path is written
 //! frames N                 until N more frames of the picture were encoded
 //! click NAME               a click on a control
 //! drag NAME X0 Y0 X1 Y1    a drag across a control, places as shares of its extent
@@ -18,41 +19,11 @@
 //! ```
 
 use super::app::App;
+use super::opening::Source;
 use eframe::egui::{self, Event, Key, Modifiers, PointerButton, Pos2, Rect, Vec2};
 use std::collections::VecDeque;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
-
-/// Places of the controls in this frame, by name.
-#[derive(Default)]
-pub(super) struct Marks {
-    places: Vec<(String, Rect)>,
-    sought: Option<String>,
-}
-
-impl Marks {
-    pub(super) fn begin(&mut self) {
-        self.places.clear();
-    }
-
-    pub(super) fn add(&mut self, name: &str, rect: Rect) {
-        self.places.push((name.to_owned(), rect));
-    }
-
-    /// Whether this control is to be scrolled into view.
-    pub(super) fn seeks(&self, name: &str) -> bool {
-        self.sought.as_deref() == Some(name)
-    }
-
-    fn place(&self, name: &str) -> Option<Rect> {
-        self.places.iter().find(|(known, _)| known == name).map(|(_, rect)| *rect)
-    }
-
-    pub(super) fn report(&self) -> serde_json::Value {
-        let place =
-            |(name, r): &(String, Rect)| (name.clone(), serde_json::json!([r.min.x, r.min.y, r.max.x, r.max.y]));
-        self.places.iter().map(place).collect::<serde_json::Map<_, _>>().into()
-    }
-}
 
 /// What is still to be done.
 pub(super) struct Drive {
@@ -62,6 +33,7 @@ pub(super) struct Drive {
     /// Wait for this frame's number; since when, seconds.
     until: Option<(i64, f64)>,
     opens: bool,
+    writes: bool,
     aim: Option<Aim>,
     /// A picture of the window that is on its way.
     picture: Option<Arc<Mutex<Option<Arc<egui::ColorImage>>>>>,
@@ -116,6 +88,7 @@ impl Drive {
             events: VecDeque::new(),
             until: None,
             opens: true,
+            writes: false,
             aim: None,
             picture: None,
             to: String::new(),
@@ -147,10 +120,11 @@ impl Drive {
                 _ => self.fail(app, ctx, "the window's picture could not be written"),
             }
         }
-        if !self.events.is_empty() || (self.opens && app.opening.is_some()) {
+        let is_waiting = (self.opens && app.opening.is_some()) || (self.writes && app.film.is_writing());
+        if !self.events.is_empty() || is_waiting {
             return;
         }
-        self.opens = false;
+        (self.opens, self.writes) = (false, false);
         let number = app.last.map_or(-1, |made| made.number);
         let now = ctx.input(|i| i.time);
         if let Some((until, since)) = self.until.filter(|(until, _)| number < *until) {
@@ -169,10 +143,11 @@ impl Drive {
         let word = |n: usize| command.get(n).cloned().unwrap_or_default();
         match command.first().map(String::as_str) {
             Some("open") => {
-                app.open(word(1));
+                app.open(Source::Named(word(1)));
                 self.opens = true;
             }
             Some("opened") => self.opens = true,
+            Some("written") => self.writes = true,
             Some("frames") => self.until = Some((number + word(1).parse().unwrap_or(1), now)),
             Some("click" | "drag" | "wheel") => self.aim = Some(Aim { command, sought: 0, place: None, since: now }),
             Some("key") => {
@@ -214,7 +189,7 @@ impl Drive {
     fn fail(&mut self, app: &App, ctx: &egui::Context, words: &str) {
         self.commands.clear();
         *app.trouble.lock().unwrap_or_else(PoisonError::into_inner) = Some(format!("script: {words}"));
-        super::app::fail(words);
+        fail(words);
         ctx.send_viewport_cmd(egui::ViewportCommand::Close);
     }
 
@@ -227,7 +202,7 @@ impl Drive {
             self.fail(app, ctx, &format!("there is no control `{name}`"));
             return;
         }
-        app.marks.sought = Some(name);
+        app.marks.seek(Some(name));
         let stands = place == aim.place && place.is_some();
         let (Some(place), true) = (place, stands && now - aim.since > AT_REST && aim.sought > 3) else {
             let since = if stands { aim.since } else { now };
@@ -235,7 +210,7 @@ impl Drive {
             return;
         };
         let command = aim.command;
-        app.marks.sought = None;
+        app.marks.seek(None);
         let number = |n: usize| command.get(n).and_then(|w| w.parse::<f32>().ok()).unwrap_or(0.5);
         let at = |x: f32, y: f32| place.min + place.size() * Vec2::new(x, y);
         match command.first().map(String::as_str) {
@@ -274,6 +249,19 @@ impl Drive {
         }
         self.events.extend([Vec::new(), Vec::new()]);
     }
+}
+
+/// Set by what ends the program with an error.
+static FAILED: AtomicBool = AtomicBool::new(false);
+
+/// Remembers that the program fails, and says why.
+fn fail(words: &str) {
+    eprintln!("error: {words}");
+    FAILED.store(true, Ordering::Release);
+}
+
+pub(super) fn has_failed() -> bool {
+    FAILED.load(Ordering::Acquire)
 }
 
 #[cfg(test)]

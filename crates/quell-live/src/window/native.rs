@@ -1,5 +1,6 @@
 //! The program on a desktop: options, adapter, files.
 
+use super::adapter::{device_descriptor, size};
 use super::app::{App, Start, Trouble};
 use crate::error::LiveError;
 use crate::stage::is_file;
@@ -25,6 +26,7 @@ SCENE           a built-in scene (quell scenes) or a .gltf or .glb file [default
 --scale SHARE   pixels of the picture for each of the window's, 0.05 to 2 [default: 1; 0.25 in software]
 --size WxH      the picture's own extent, whatever the window's is
 --window WxH    the window's extent in points [default: 1280x720]
+--view VIEW     where the camera stands: EX,EY,EZ,TX,TY,TZ[,TIME], as the control \"view as text\" says it
 --out DIR       where pictures and planes are saved [default: .]
 --script FILE   drives the window, for tests (crates/quell-live/src/window/drive.rs)
 --help
@@ -45,19 +47,16 @@ enum Asked {
     Run(Box<Options>),
 }
 
-fn size(text: &str) -> Option<Size> {
-    let (width, height) = text.split_once('x')?;
-    let (width, height) = (width.parse().ok()?, height.parse().ok()?);
-    (width > 0 && height > 0 && width <= 16384 && height <= 16384).then(|| Size::new(width, height))
-}
-
 fn parsed(arguments: impl Iterator<Item = OsString>) -> Result<Asked, String> {
     let mut options = Options {
         start: Start {
             source: "glossy-room".to_owned(),
             scale: None,
+            usual_scale: 1.0,
             size: None,
             folder: PathBuf::from("."),
+            view: None,
+            shows_panel: true,
             script: None,
         },
         device: None,
@@ -81,7 +80,7 @@ fn parsed(arguments: impl Iterator<Item = OsString>) -> Result<Asked, String> {
             options.start.source = argument;
             continue;
         }
-        let known = ["--device", "--scale", "--size", "--window", "--out", "--script"];
+        let known = ["--device", "--scale", "--size", "--window", "--view", "--out", "--script"];
         if !known.contains(&name.as_str()) {
             return Err(format!("unknown option {name}; --help lists them"));
         }
@@ -95,6 +94,7 @@ fn parsed(arguments: impl Iterator<Item = OsString>) -> Result<Asked, String> {
             }
             "--size" => options.start.size = Some(size(&value).ok_or_else(|| wrong("an extent such as 640x360"))?),
             "--window" => options.window = size(&value).ok_or_else(|| wrong("an extent such as 1280x720"))?,
+            "--view" => options.start.view = Some(value.parse().map_err(wrong)?),
             "--out" => options.start.folder = PathBuf::from(value),
             _ => {
                 let text = std::fs::read_to_string(&value).map_err(|error| format!("{value}: {error}"))?;
@@ -157,20 +157,7 @@ fn setup(wanted: Option<String>) -> WgpuSetup {
     setup.instance_descriptor.backends = wgpu::Backends::from_env().unwrap_or(wgpu::Backends::PRIMARY);
     setup.native_adapter_selector =
         Some(Arc::new(move |adapters, surface| chosen(adapters, surface, wanted.as_deref())));
-    setup.device_descriptor = Arc::new(|adapter| {
-        let most = adapter.limits();
-        wgpu::DeviceDescriptor {
-            label: Some("quell live"),
-            required_features: adapter.features() & wgpu::Features::TIMESTAMP_QUERY,
-            required_limits: wgpu::Limits {
-                max_buffer_size: most.max_buffer_size,
-                max_texture_dimension_2d: most.max_texture_dimension_2d,
-                max_storage_buffer_binding_size: most.max_storage_buffer_binding_size,
-                ..wgpu::Limits::default()
-            },
-            ..Default::default()
-        }
-    });
+    setup.device_descriptor = Arc::new(device_descriptor);
     WgpuSetup::CreateNew(setup)
 }
 
@@ -197,7 +184,7 @@ pub fn run(arguments: impl Iterator<Item = OsString>) -> ExitCode {
             eprintln!("error: {error}");
             return ExitCode::FAILURE;
         }
-        if super::app::has_failed() {
+        if super::drive::has_failed() {
             return ExitCode::FAILURE;
         }
         if !lost.load(Ordering::Acquire) {
@@ -314,6 +301,7 @@ mod tests {
             ("--size 0x4", "640x360"),
             ("--size=12", "640x360"),
             ("--device", "needs a value"),
+            ("--view 1,2", "three numbers"),
             ("--frob", "unknown option"),
             ("--script /nonexistent", "/nonexistent"),
         ] {

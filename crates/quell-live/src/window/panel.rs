@@ -1,6 +1,7 @@
 //! Controls. Those of parameters are made from their table, with its explanations.
 
 use super::app::{App, Saved};
+use super::opening::Source;
 use crate::choice::{Choice, DEBUG_VIEWS, Pane};
 use crate::pilot::{Mode, Pilot};
 use eframe::egui::{self, ComboBox, RichText, Slider, Ui};
@@ -46,7 +47,7 @@ impl App {
         self.mark(name, &shown.header_response);
     }
 
-    fn button(&mut self, ui: &mut Ui, name: &str, hint: &str) -> bool {
+    pub(super) fn button(&mut self, ui: &mut Ui, name: &str, hint: &str) -> bool {
         let response = ui.button(name).on_hover_text(hint);
         self.mark(name, &response);
         response.clicked()
@@ -67,7 +68,7 @@ impl App {
         self.mark("scene", &shown.response);
         shown.response.on_hover_text(hint);
         if let Some(name) = wanted {
-            self.open(name.to_owned());
+            self.open(Source::Named(name.to_owned()));
         }
         ui.horizontal_wrapped(|ui| {
             let name = if self.is_playing { "pause" } else { "play" };
@@ -80,6 +81,9 @@ impl App {
             }
             if self.button(ui, "cut", "Forgets history: as after a cut.") {
                 self.engine.reset();
+            }
+            if self.button(ui, "hide", "Hides the controls (Tab).") {
+                self.shows_panel = false;
             }
         });
         let response = ui.add(Slider::new(&mut self.speed, 0.0..=4.0).text("speed"));
@@ -197,7 +201,13 @@ impl App {
                         app.pilot = Some(saved.pilot);
                     }
                 }
+                let hint = "The view in words, as the option --view and a page's address take it.";
+                if app.button(ui, "view as text", hint) {
+                    app.tell_view(pilot);
+                }
             });
+            #[cfg(not(target_arch = "wasm32"))]
+            app.film_controls(ui);
         });
     }
 
@@ -313,6 +323,7 @@ impl App {
             if self.button(ui, "save PNG", "The picture as it is shown (P).") {
                 self.save_picture();
             }
+            #[cfg(not(target_arch = "wasm32"))]
             if self.button(ui, "save EXR", "The running frame's planes, as `quell render` writes them.") {
                 self.save_planes();
             }

@@ -64,6 +64,7 @@ impl App {
             self.steer(ui, &response, rect);
             self.splits(ui, rect);
             self.words(ui, space);
+            self.opener(ui, space);
         });
     }
 
@@ -75,14 +76,18 @@ impl App {
         }
         let Some(pilot) = &mut self.pilot else { return };
         let drag = response.drag_delta() / rect.height().max(1.0);
-        if drag != Vec2::ZERO {
+        let fingers = ui.input(|i| i.multi_touch()).filter(|_| response.dragged() || response.hovered());
+        if let Some(fingers) = fingers {
+            // Two fingers move across; that they come together or part is below. The first alone would turn.
+            pilot.pan((fingers.translation_delta / rect.height().max(1.0)).into());
+        } else if drag != Vec2::ZERO {
             if response.dragged_by(egui::PointerButton::Primary) {
                 pilot.drag(drag.into());
             } else {
                 pilot.pan(drag.into());
             }
         }
-        if response.hovered() {
+        if response.hovered() || fingers.is_some() {
             // The wheel, or two fingers.
             let (wheel, pinch) = ui.input(|i| (i.smooth_scroll_delta().y, i.zoom_delta()));
             pilot.zoom(wheel / 50.0 + 5.0 * pinch.max(1e-3).ln());
@@ -133,6 +138,18 @@ impl App {
             painter.text(at + Vec2::splat(1.0), egui::Align2::LEFT_TOP, &text, font.clone(), Color32::BLACK);
             painter.text(at, egui::Align2::LEFT_TOP, &text, font, Color32::WHITE);
         }
+    }
+
+    /// Brings hidden controls back where there is no keyboard.
+    fn opener(&mut self, ui: &mut egui::Ui, space: Rect) {
+        if self.shows_panel {
+            return;
+        }
+        let size = Vec2::new(64.0, 20.0);
+        let rect = Rect::from_min_size(Pos2::new(space.right() - size.x - 6.0, space.top() + 6.0), size);
+        let response = ui.put(rect, egui::Button::new("controls").small()).on_hover_text("Tab hides them again.");
+        self.marks.add("controls", rect);
+        self.shows_panel = response.clicked();
     }
 
     /// What is to be said about what is, or is not, shown.

@@ -3,6 +3,7 @@
 
 mod device;
 mod engine;
+mod page;
 mod refusals;
 #[cfg(feature = "window")]
 mod window;

@@ -49,6 +49,13 @@ wheel picture 1
 report nearer.json
 frames 1
 window nearer.png
+click "record path"
+key D 2
+click "end path"
+report recorded.json
+click "write path"
+written
+report written.json
 click "save PNG"
 frames 2
 click "save EXR"
@@ -172,11 +179,21 @@ fn the_window_is_opened_clicked_through_and_closed() {
 
     let saved = read("saved.json");
     assert!(saved["said"].as_str().unwrap().ends_with(".exr"), "{saved}");
-    let written: Vec<String> = std::fs::read_dir(&folder)
+    let mut written: Vec<String> = std::fs::read_dir(&folder)
         .unwrap()
         .map(|entry| entry.unwrap().file_name().to_string_lossy().into_owned())
         .filter(|name| name.starts_with("disocclusion-"))
         .collect();
+    written.sort();
+    // A recorded path: as many pictures as frames, of other places; then the camera is where it was.
+    let (recorded, back) = (read("recorded.json"), read("written.json"));
+    let frames = recorded["film"].as_u64().unwrap() as usize;
+    let (path, written): (Vec<String>, Vec<String>) = written.into_iter().partition(|name| name.contains("-path-"));
+    println!("a path of {frames} frames");
+    assert!(frames > 2 && path.len() == frames, "{frames} {path:?}");
+    let [first, last] = [&path[0], &path[frames - 1]].map(|name| image::open(folder.join(name)).unwrap().into_luma8());
+    assert_ne!(first, last);
+    assert_eq!((&back["eye"], &back["error"]), (&recorded["eye"], &Value::Null));
     let of = |extension: &str| written.iter().find(|name| name.ends_with(extension)).expect(extension);
     let picture = image::open(folder.join(of(".png"))).unwrap();
     assert_eq!(numbers(&saved["size"]), [f64::from(picture.width()), f64::from(picture.height())]);

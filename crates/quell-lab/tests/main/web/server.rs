@@ -41,6 +41,7 @@ fn answer(mut stream: TcpStream, files: &HashMap<String, Vec<u8>>) -> Option<()>
         "html" => "text/html",
         "js" => "text/javascript",
         "json" => "application/json",
+        "wasm" => "application/wasm",
         _ => "application/octet-stream",
     };
     let (status, body): (_, &[u8]) = match files.get(path) {

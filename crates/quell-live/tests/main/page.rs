@@ -1,0 +1,298 @@
+//! The page itself, in headless Chromium on its WebGPU in software: a folder that `web/build.sh` wrote, served as plain files,
+//! used by pointer and keys. Without that folder or Chromium the test says why it did nothing; with `QUELL_REQUIRE_PAGE=1`
+//! it fails.
+
+#[expect(dead_code, reason = "the player's test uses the rest")]
+#[path = "../../../quell-lab/tests/main/browser.rs"]
+mod browser;
+#[path = "../../../quell-lab/tests/main/web/server.rs"]
+mod server;
+
+use browser::Browser;
+use serde_json::Value;
+use server::Server;
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+
+/// Set to 1, what is missing fails the test instead of skipping it.
+const REQUIRE: &str = "QUELL_REQUIRE_PAGE";
+/// The folder with the page, if it is not `quell-live-web` in cargo's target folder.
+const FOLDER: &str = "QUELL_PAGE";
+/// Bytes of the page without scenes, at most: issue 24's bound.
+const LARGEST: usize = 8 << 20;
+/// Compiling kernels and tracing in software, both on one core.
+const PATIENCE: Duration = Duration::from_secs(240);
+
+/// For so long a control must have stood still.
+const AT_REST: Duration = Duration::from_millis(600);
+
+/// WebGPU in software; the last three give its canvases to a browser without a screen.
+const SOFTWARE: [&str; 5] = [
+    "--enable-unsafe-webgpu",
+    "--use-webgpu-adapter=swiftshader",
+    "--enable-features=Vulkan",
+    "--use-vulkan=swiftshader",
+    "--use-angle=vulkan",
+];
+
+fn skipped(why: &str) -> Option<Vec<(String, Vec<u8>)>> {
+    assert!(std::env::var_os(REQUIRE).is_none_or(|v| v != "1"), "{REQUIRE}=1, but {why}");
+    println!("SKIPPED: {why} ({REQUIRE}=1 makes this an error)");
+    None
+}
+
+/// The files of the page; `None`, said aloud: it was not built.
+fn files() -> Option<Vec<(String, Vec<u8>)>> {
+    let usual = || Path::new(env!("CARGO_TARGET_TMPDIR")).join("../quell-live-web");
+    let folder = std::env::var_os(FOLDER).map_or_else(usual, PathBuf::from);
+    let Ok(entries) = std::fs::read_dir(&folder) else {
+        return skipped(&format!("{} is not there: crates/quell-live/web/build.sh writes it", folder.display()));
+    };
+    let paths = entries.map(|entry| entry.unwrap().path());
+    let named = |path: PathBuf| (path.file_name().unwrap().to_str().unwrap().to_owned(), std::fs::read(&path).unwrap());
+    Some(paths.map(named).collect())
+}
+
+/// The page in a browser.
+struct Page {
+    browser: Browser,
+    pictures: PathBuf,
+}
+
+impl Page {
+    fn report(&self) -> Value {
+        let text = self.browser.value("window.quell ? quell.report() : ''");
+        let report = serde_json::from_str(text.as_str().unwrap_or_default()).unwrap_or(Value::Null);
+        let words = self.words();
+        assert!(report != Value::Null || !words.contains("fail"), "{words}");
+        report
+    }
+
+    /// What stands in the place of the canvas; nothing where it is to be seen.
+    fn words(&self) -> String {
+        let words = self.browser.value("words.hidden ? '' : words.textContent");
+        words.as_str().unwrap_or_default().to_owned()
+    }
+
+    /// The first report of which something is true.
+    #[track_caller]
+    fn until(&self, what: &str, mut is_so: impl FnMut(&Value) -> bool) -> Value {
+        let start = Instant::now();
+        loop {
+            let report = self.report();
+            if is_so(&report) {
+                println!("{:6.1} s until {what}", start.elapsed().as_secs_f64());
+                return report;
+            }
+            assert!(start.elapsed() < PATIENCE, "{what} did not come: {} {report}", self.words());
+            std::thread::sleep(Duration::from_millis(100));
+        }
+    }
+
+    /// The report after so many further frames.
+    #[track_caller]
+    fn frames(&self, count: i64) -> Value {
+        let number = |report: &Value| report["frame"].as_i64().unwrap_or(-1);
+        let now = number(&self.report());
+        self.until("frames", |report| number(report) >= now + count)
+    }
+
+    /// Where a control is, CSS pixels: a share of its extent.
+    #[track_caller]
+    fn at(&self, name: &str, x: f64, y: f64) -> (f64, f64) {
+        // Lists open and scroll in their own time.
+        let mut last = Value::Null;
+        let mut since = Instant::now();
+        let report = self.until(name, |report| {
+            let place = &report["marks"][name];
+            if *place != last {
+                (last, since) = (place.clone(), Instant::now());
+            }
+            place.is_array() && since.elapsed() > AT_REST
+        });
+        let place = numbers(&report["marks"][name]);
+        (place[0] + x * (place[2] - place[0]), place[1] + y * (place[3] - place[1]))
+    }
+
+    /// No further frames, and the last one is done: in software a frame takes seconds, and a button that is held from one to
+    /// the next makes no click; nor does a busy browser give its picture in time.
+    fn freeze(&self) {
+        self.browser.value("quell.freeze(true)");
+        let swift = "new Promise((done) => { let last = 0; const next = (now) => { \
+             if (last && now - last < 150) done(true); else { last = now; requestAnimationFrame(next); } }; \
+             setTimeout(() => requestAnimationFrame(next), 500); })";
+        let start = Instant::now();
+        while self.browser.awaited(swift) != Value::Bool(true) {
+            assert!(start.elapsed() < PATIENCE, "frames do not end");
+        }
+    }
+
+    fn go_on(&self) {
+        self.browser.value("quell.freeze(false)");
+    }
+
+    #[track_caller]
+    fn click(&self, name: &str) {
+        let at = self.at(name, 0.5, 0.5);
+        self.browser.drag(at, at);
+    }
+
+    /// A drag across the canvas, a step every few frames of the page: one within a single frame is none.
+    fn drag(&self, from: (f64, f64), to: (f64, f64)) {
+        let half = (0.5 * (from.0 + to.0), 0.5 * (from.1 + to.1));
+        let steps = [
+            ("MouseEvent", "mousemove", from),
+            ("PointerEvent", "pointerdown", from),
+            ("MouseEvent", "mousemove", half),
+            ("MouseEvent", "mousemove", to),
+            ("PointerEvent", "pointerup", to),
+        ];
+        for (kind, name, (x, y)) in steps {
+            let at = format!("clientX: {x}, clientY: {y}, button: 0, buttons: 1, bubbles: true");
+            let sent = self.browser.awaited(&format!(
+                "document.querySelector('canvas').dispatchEvent(new {kind}('{name}', {{ {at} }})) | \
+                 await new Promise((done) => setTimeout(() => requestAnimationFrame(() => requestAnimationFrame(done)), 100))"
+            ));
+            assert!(sent.is_number(), "{sent}");
+        }
+    }
+
+    /// A picture of the frozen page; mean brightness and steps between neighbours of the last pane, or of all.
+    fn look(&self, name: &str, all: bool) -> (f64, f64) {
+        let path = self.pictures.join(name);
+        self.browser.screenshot(&path);
+        let picture = image::open(path).unwrap().into_luma8();
+        let report = self.report();
+        let area = numbers(&report["marks"]["picture"]);
+        let split = numbers(&report["splits"]).last().copied().filter(|_| !all).unwrap_or(0.0);
+        // A picture's pixel is several of the page's.
+        let pixel = (area[2] - area[0]) / report["size"][0].as_f64().unwrap();
+        let at = |x: f64, y: f64| f64::from(picture.get_pixel(x as u32, y as u32).0[0]);
+        let (mut sum, mut steps, mut count) = (0.0, 0.0, 0.0);
+        let mut y = area[1] + 24.0;
+        while y < area[3] - pixel {
+            let mut x = area[0] + split * (area[2] - area[0]) + 6.0;
+            while x < area[2] - 2.0 * pixel {
+                sum += at(x, y);
+                steps += (at(x, y) - at(x + pixel, y)).abs();
+                count += 1.0;
+                x += pixel;
+            }
+            y += pixel;
+        }
+        println!("{name}: light {:.1}, steps {:.2}", sum / count, steps / count);
+        (sum / count, steps / count)
+    }
+}
+
+fn numbers(value: &Value) -> Vec<f64> {
+    value.as_array().unwrap_or_else(|| panic!("{value}")).iter().map(|v| v.as_f64().unwrap()).collect()
+}
+
+#[test]
+fn the_page_is_opened_used_and_refuses_in_words() {
+    let Some(files) = files() else { return };
+    let bytes: usize = files.iter().map(|(_, bytes)| bytes.len()).sum();
+    println!("{bytes} bytes");
+    assert!(bytes < LARGEST, "the page has {bytes} bytes");
+    let corpus = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../fuzz/corpus/gltf");
+    let room = std::fs::read(corpus.join("rich.glb")).unwrap();
+    let further = [
+        ("rooms/rich.glb".to_owned(), room.clone()),
+        ("cut.glb".to_owned(), room[..room.len() / 2].to_vec()),
+        ("no.gltf".to_owned(), b"{ \"asset\": ".to_vec()),
+    ];
+    let server = Server::start(files.into_iter().chain(further).collect());
+    let Some(browser) = Browser::start_with(640, 700, &SOFTWARE) else {
+        skipped("there is no chromium");
+        return;
+    };
+    let pictures = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join("live-page");
+    let _ = std::fs::remove_dir_all(&pictures);
+    let page = Page { browser, pictures };
+
+    page.browser.visit(&server.address("index.html?scene=cornell-box&size=128x72"));
+    let begin = page.until("three frames", |report| report["frame"].as_i64() >= Some(3));
+    assert_eq!((&begin["scene"], &begin["error"]), (&"cornell-box".into(), &Value::Null));
+    assert_eq!(numbers(&begin["size"]), [128.0, 72.0]);
+    assert_eq!(page.words(), "");
+    // The picture has the light of a lit room, and is no even grey.
+    page.freeze();
+    let (light, steps) = page.look("begin.png", false);
+    assert!(light > 40.0 && light < 220.0 && steps > 1.0);
+
+    page.click("scene");
+    page.click("scene disocclusion");
+    page.until("another scene", |report| report["scene"] == "disocclusion");
+
+    // Refused in words; what is shown stays, and goes on.
+    for (file, words) in [
+        ("cut.glb", "cut.glb"),
+        ("no.gltf", "no.gltf"),
+        ("none.glb", "404"),
+        ("cornel-box", "did you mean cornell-box"),
+    ] {
+        page.browser.value(&format!("quell.open('{file}')"));
+        let refused = page.until(file, |report| report["error"].is_string());
+        let said = refused["error"].as_str().unwrap();
+        println!("{said}");
+        assert!(said.contains(words), "{said}");
+        assert_eq!(refused["scene"], "disocclusion");
+    }
+    page.look("refused.png", false);
+    page.go_on();
+    page.frames(2);
+    page.freeze();
+
+    // Pointer, wheel and keys.
+    let before = page.report();
+    page.drag(page.at("picture", 0.7, 0.3), page.at("picture", 0.8, 0.4));
+    let turned = page.until("another direction", |report| report["forward"] != before["forward"]);
+    assert_eq!(turned["camera"], "Orbit");
+    page.browser.wheel(page.at("picture", 0.7, 0.5), -200);
+    let nearer = page.until("a nearer eye", |report| report["eye"] != turned["eye"]);
+    assert_eq!(nearer["camera"], "Orbit");
+    page.click("fly");
+    page.until("a flight", |report| report["camera"] == "Fly");
+    page.drag(page.at("split 1", 0.5, 0.6), page.at("picture", 0.2, 0.6));
+    page.until("a split elsewhere", |report| numbers(&report["splits"])[0] < 0.4);
+    page.go_on();
+    page.frames(1);
+    page.freeze();
+    page.look("used.png", false);
+
+    // A file by the address, without controls; a click brings them, Tab hides them.
+    page.browser.visit(&server.address("index.html?scene=rooms/rich.glb&size=128x72&panel=off"));
+    let file = page.until("a file's frames", |report| report["frame"].as_i64() >= Some(2));
+    assert_eq!((&file["scene"], &file["error"]), (&"rooms/rich.glb".into(), &Value::Null));
+    assert!(file["marks"]["scene"].is_null());
+    page.freeze();
+    let (light, steps) = page.look("file.png", true);
+    assert!(light > 3.0 && steps > 0.2);
+    page.click("controls");
+    page.until("controls", |report| report["marks"]["scene"].is_array());
+    page.browser.key("\u{e004}");
+    page.until("no controls", |report| report["marks"]["scene"].is_null());
+
+    let complaints = page.browser.complaints();
+    let others: Vec<_> = complaints.iter().filter(|c| !c.contains("none.glb")).collect();
+    assert!(others.is_empty(), "{others:?}");
+
+    // What the page cannot begin with.
+    page.browser.visit(&server.address("index.html?size=0x9"));
+    page.browser.wait_for("words.textContent.includes('640x360')");
+    page.browser.screenshot(&page.pictures.join("parameter.png"));
+    println!("pictures of the page: {}", page.pictures.display());
+}
+
+#[test]
+fn a_browser_without_webgpu_is_told_so() {
+    let Some(files) = files() else { return };
+    let server = Server::start(files);
+    let Some(browser) = Browser::start_with(640, 420, &["--disable-gpu", "--disable-features=WebGPU"]) else { return };
+    browser.visit(&server.address("index.html"));
+    browser.wait_for("!words.hidden && words.textContent.includes('WebGPU') && words.textContent.length > 60");
+    println!("{}", browser.value("words.textContent"));
+    browser.screenshot(&PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join("live-page/without.png"));
+    assert_eq!(browser.value("typeof window.quell"), "undefined");
+}
