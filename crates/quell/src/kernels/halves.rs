@@ -20,7 +20,7 @@ pub(crate) fn widen(h: f16) -> f32 {
 }
 
 #[cfg(feature = "cpu")]
-pub(crate) use lanes::widen8;
+pub(crate) use lanes::{Eights, widen_eight};
 
 #[cfg(feature = "cpu")]
 mod lanes {
@@ -44,13 +44,9 @@ mod lanes {
         }
     );
 
-    /// [`widen`] on eight lanes: those from `at` on; beyond the end 0.
+    /// [`widen`] on eight lanes.
     #[inline(always)]
-    pub(crate) fn widen8<S: Simd>(simd: S, data: &[f16], at: usize) -> f32x8<S> {
-        let halves: [f16; 8] = match data.get(at..at + 8).and_then(|run| run.try_into().ok()) {
-            Some(run) => run,
-            None => short(data, at),
-        };
+    pub(crate) fn widen_eight<S: Simd>(simd: S, halves: [f16; 8]) -> f32x8<S> {
         let values: [f32; 8] = match simd.level() {
             #[cfg(target_arch = "x86_64")]
             Level::Avx512(token) => widen_avx512(token, bytemuck::cast(halves)),
@@ -61,11 +57,40 @@ mod lanes {
         values.simd_into(simd)
     }
 
-    #[cold]
-    fn short(data: &[f16], at: usize) -> [f16; 8] {
-        let mut halves = [f16::ZERO; 8];
-        halves.iter_mut().zip(data.iter().skip(at)).for_each(|(half, value)| *half = *value);
-        halves
+    /// Half floats that are read by eights, also the last ones. No function is called: a loop around keeps its sums in registers.
+    #[derive(Clone, Copy)]
+    pub(crate) struct Eights<'a> {
+        data: &'a [f16],
+        /// The last eight and eight zeros.
+        last: [f16; 16],
+        /// Where those begin.
+        from: usize,
+    }
+
+    impl<'a> Eights<'a> {
+        pub(crate) fn new(data: &'a [f16]) -> Self {
+            let from = data.len().saturating_sub(8);
+            let mut last = [f16::ZERO; 16];
+            last.iter_mut().zip(&data[from..]).for_each(|(last, value)| *last = *value);
+            Self { data, last, from }
+        }
+
+        /// [`widen`] of those from `at` on; beyond the end 0.
+        #[inline(always)]
+        pub(crate) fn widen<S: Simd>(&self, simd: S, at: usize) -> f32x8<S> {
+            let run = match self.data.get(at..) {
+                Some(rest) => rest.first_chunk::<8>(),
+                None => None,
+            };
+            let halves = match run {
+                Some(run) => *run,
+                None => match self.last.get(at.wrapping_sub(self.from)..) {
+                    Some(rest) => *rest.first_chunk::<8>().unwrap_or(&[f16::ZERO; 8]),
+                    None => [f16::ZERO; 8],
+                },
+            };
+            widen_eight(simd, halves)
+        }
     }
 }
 
@@ -81,11 +106,20 @@ mod tests {
         }
         #[cfg(feature = "cpu")]
         fearless_simd::dispatch!(crate::simd::level(), simd => {
+            let eights = Eights::new(&all);
             for at in (0..all.len()).step_by(5) {
-                let found: [f32; 8] = widen8(simd, &all, at).into();
+                let found: [f32; 8] = eights.widen(simd, at).into();
                 for (i, value) in found.into_iter().enumerate() {
                     let expected = all.get(at + i).map_or(0.0, |h| h.to_f32());
                     assert!(value.to_bits() == expected.to_bits() || (value.is_nan() && expected.is_nan()), "{at} {i}");
+                }
+            }
+            for n in 0..20 {
+                let few = Eights::new(&all[0x3c00..][..n]);
+                for at in 0..n + 3 {
+                    let found: [f32; 8] = few.widen(simd, at).into();
+                    let expected = std::array::from_fn(|i| if at + i < n { all[0x3c00 + at + i].to_f32() } else { 0.0 });
+                    assert_eq!(found, expected, "{n} {at}");
                 }
             }
         });

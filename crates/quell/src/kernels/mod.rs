@@ -9,6 +9,7 @@
 //! | `guide_distance` | edge-stopping functions of feature buffers | sequence |
 //! | `net`, `conv` | small nets: of a pixel's statistics; convolutional | sequence |
 //! | `bilinear`, `math`, `halves` | footprints; functions with the same bits on every machine | both |
+//! | `lanes` | sixteen pixels of a row on vectors | sequence |
 //!
 //! `*_cpu.rs` are twins on vectors, `*.wgsl` on the GPU.
 
@@ -24,6 +25,8 @@ pub mod guide_distance;
 #[cfg(feature = "cpu")]
 pub(crate) mod guide_distance_cpu;
 pub(crate) mod halves;
+#[cfg(feature = "cpu")]
+pub(crate) mod lanes;
 pub mod math;
 pub mod mirror_image;
 #[cfg(feature = "cpu")]

@@ -2,7 +2,7 @@
 //!
 //! ```text
 //! features.rs    feature buffers of a frame
-//! light_means.rs means of the light around each pixel, and how sure they are
+//! light_means/   means of the light around each pixel, and how sure they are
 //! local.rs       slopes and noise beside them; which of them a light's filter reads
 //! mirrors.rs     which pixels are mirrors or clear glass, and the colour of what they show
 //! prepared.rs    a frame made ready: its feature buffers and its light

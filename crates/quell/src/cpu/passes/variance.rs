@@ -3,10 +3,10 @@
 use crate::par;
 use crate::plane::Plane;
 use crate::sequence::settings::{Variance, Wavelet};
-use crate::simd::widest;
 use crate::stages::gather::Gathered;
 use crate::stages::variance::cpu::row;
 use crate::window::{LocalFeatures, Rows};
+use fearless_simd::dispatch;
 
 /// As [`crate::stages::variance::reference::run`].
 pub(crate) fn run(
@@ -19,7 +19,7 @@ pub(crate) fn run(
     let lights = gathered.slots.len();
     let mut out = Rows::new(local.size, lights);
     par::rows(out.data_mut(), (lights * local.size.width).max(1), |y, out| {
-        widest!(row(local, gathered, given, s, wavelet, y, out));
+        dispatch!(crate::simd::level(), simd => row(simd, local, gathered, given, (s, wavelet), y, out));
     });
     out
 }

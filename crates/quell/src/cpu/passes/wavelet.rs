@@ -2,10 +2,10 @@
 
 use crate::par;
 use crate::sequence::settings::Wavelet;
-use crate::simd::widest;
 use crate::stages::wavelet::cpu::{Level, compared_row};
 use crate::stages::wavelet::levels;
 use crate::window::{LightSlot, LocalFeatures, Rows};
+use fearless_simd::dispatch;
 
 /// As [`crate::stages::wavelet::reference::run`].
 pub(crate) fn run(local: &LocalFeatures, slots: &[LightSlot], colours: Rows, variance: Rows, s: &Wavelet) -> Rows {
@@ -35,7 +35,7 @@ fn compared(local: &LocalFeatures, slots: &[LightSlot], colours: &Rows, variance
     let lights = slots.len();
     let mut out = Rows::new(local.size, 2 * lights);
     par::rows(out.data_mut(), (2 * lights * local.size.width).max(1), |y, out| {
-        widest!(compared_row(local, slots, colours, variance, s, y, out));
+        dispatch!(crate::simd::level(), simd => compared_row(simd, local, slots, (colours, variance), s, y, out));
     });
     out
 }
@@ -47,7 +47,7 @@ fn filter(level: &Level<'_>) -> (Rows, Rows) {
     let mut variance = Rows::new(size, lights);
     let (cw, vw) = (level.colours.channels() * size.width, lights * size.width);
     par::two_rows(colours.data_mut(), cw, variance.data_mut(), vw, |y, colours, variance| {
-        widest!(level.row(y, colours, variance));
+        dispatch!(crate::simd::level(), simd => level.row(simd, y, colours, variance));
     });
     (colours, variance)
 }

@@ -4,12 +4,13 @@
 use super::trajectory::{LANES, Tap, taps};
 use super::{FREE_COUNT, Gathered, LEAST_COUNT, LEAST_NOISE, Place, decay, lit, mean_of};
 use crate::kernels::guide_distance::FARTHEST;
-use crate::kernels::halves::widen8;
+use crate::kernels::halves::{Eights, widen, widen_eight};
 use crate::kernels::math::{LUMINANCE, three};
 use crate::par;
 use crate::sequence::settings::Gather;
-use crate::window::{Class, Features, LightSlot, PreparedFrame, Rows, Samples};
+use crate::window::{Class, Features, LightSlot, Packed, PreparedFrame, Rows, Samples};
 use fearless_simd::{Simd, dispatch, f32x8, prelude::*};
+use half::f16;
 
 /// Means over the window for every light of `window[centre]`.
 pub(crate) fn run(window: &[&PreparedFrame], centre: usize, gather: &Gather) -> Gathered {
@@ -152,6 +153,7 @@ impl Trajectories {
         looks_through: bool,
     ) {
         taps(simd, (job.window, job.centre), first, wanted, reflected, job.gather, &mut self.taps);
+        fetch(job.window, &self.taps, looks_through);
         for (i, (taps, likeness)) in self.taps.iter().zip(&mut self.likeness).enumerate() {
             likeness.clear();
             if !looks_through {
@@ -166,25 +168,38 @@ impl Trajectories {
     }
 }
 
+/// Reads of every tap what will be summed, all at once, so that the memory serves many at a time: in the sums each would be waited for.
+fn fetch(window: &[&PreparedFrame], taps: &[Vec<Tap>; LANES], looks_through: bool) {
+    let first = |data: &[f16], at: usize| data.get(at).map_or(0, |half| half.to_bits());
+    for tap in taps.iter().flatten() {
+        let (frame, pixel) = (&window[tap.frame as usize], tap.pixel as usize);
+        let mut read = first(&frame.samples.data, 3 * frame.samples.planes * pixel);
+        read ^= first(&frame.means.data, 2 * frame.means.lights * pixel);
+        if let (true, Some(seen)) = (looks_through, &frame.features.seen) {
+            read ^= first(&seen.data, 6 * pixel);
+        }
+        std::hint::black_box(read);
+    }
+}
+
 /// How alike the things are that pixel `p` and up to eight others show in mirrors and through glass, as weights:
 /// [`super::seen_distance`] on lanes.
 #[inline(always)]
 fn seen_likeness<S: Simd>(simd: S, job: &Job<'_>, p: usize, taps: &[Tap]) -> [f32; LANES] {
     let here = &job.window[job.centre].features;
-    // Albedo and normal lie one after the other, channel by channel.
-    let of = |f: &Features, pixel: usize| f.seen.as_ref().map(|seen| widen8(simd, &seen.data, 6 * pixel));
-    let Some(own) = of(here, p) else { return [1.0; LANES] };
+    let Some(own) = &here.seen else { return [1.0; LANES] };
+    let own = of_each(own, p);
     let mirror = here.is_mirror(p);
-    let mut there = [[0.0f32; LANES]; 6];
+    let mut there = [[f16::ZERO; LANES]; 6];
     // Light that was divided by what it shows never mixes with light that was not.
     let (mut apart, mut known) = ([0.0f32; LANES], [0.0f32; LANES]);
     for (i, tap) in taps.iter().enumerate() {
         let (features, pixel) = (&job.window[tap.frame as usize].features, tap.pixel as usize);
-        let Some(other) = of(features, pixel) else { continue };
+        let Some(seen) = &features.seen else { continue };
         known[i] = 1.0;
         apart[i] = if features.is_mirror(pixel) == mirror { 0.0 } else { 1.0 };
-        for c in 0..6 {
-            there[c][i] = other[c];
+        for (there, half) in there.iter_mut().zip(of_each(seen, pixel)) {
+            there[i] = half;
         }
     }
     let (zero, one) = (f32x8::splat(simd, 0.0), f32x8::splat(simd, 1.0));
@@ -192,10 +207,10 @@ fn seen_likeness<S: Simd>(simd: S, job: &Job<'_>, p: usize, taps: &[Tap]) -> [f3
     let (tolerance, mut squared, mut cosine) = (s.seen_albedo * s.seen_albedo, zero, zero);
     let mut has_normals = zero.simd_lt(zero);
     for c in 0..3 {
-        let (albedo, normal): (f32x8<S>, f32x8<S>) = (there[2 * c].simd_into(simd), there[2 * c + 1].simd_into(simd));
-        let d = f32x8::splat(simd, own[2 * c]) - albedo;
+        let (albedo, normal) = (widen_eight(simd, there[2 * c]), widen_eight(simd, there[2 * c + 1]));
+        let d = f32x8::splat(simd, widen(own[2 * c])) - albedo;
         squared += d * d;
-        let a = f32x8::splat(simd, own[2 * c + 1]);
+        let a = f32x8::splat(simd, widen(own[2 * c + 1]));
         cosine = if c == 0 { a * normal } else { cosine + a * normal };
         has_normals |= !a.simd_eq(zero) | !normal.simd_eq(zero);
     }
@@ -208,6 +223,15 @@ fn seen_likeness<S: Simd>(simd: S, job: &Job<'_>, p: usize, taps: &[Tap]) -> [f3
     }
     let [apart, known]: [f32x8<S>; 2] = [apart.simd_into(simd), known.simd_into(simd)];
     known.simd_gt(zero).select(apart.simd_gt(zero).select(zero, b), one).into()
+}
+
+/// What a pixel shows in mirrors and through glass: albedo and normal one after the other, channel by channel.
+#[inline(always)]
+fn of_each(seen: &Packed, pixel: usize) -> [f16; 6] {
+    match seen.data.get(6 * pixel..) {
+        Some(rest) => *rest.first_chunk::<6>().unwrap_or(&[f16::ZERO; 6]),
+        None => [f16::ZERO; 6],
+    }
 }
 
 /// A colour plane of a light.
@@ -242,6 +266,8 @@ struct Lanes<'a> {
 /// Where a frame has its planes.
 struct There<'a> {
     frame: &'a PreparedFrame,
+    samples: Eights<'a>,
+    light: Eights<'a>,
     /// The planes lie side by side from here on, and so do their means.
     run: Option<usize>,
     places: [Place; LANES],
@@ -296,7 +322,8 @@ impl<'a> Lanes<'a> {
             let run = frame.samples.beyond.is_empty()
                 && places[..n].iter().enumerate().all(packed)
                 && means[..n].iter().enumerate().all(met);
-            There { frame, run: run.then_some(before), places, means, known }
+            let (samples, light) = (Eights::new(&frame.samples.data), Eights::new(&frame.means.data));
+            There { frame, samples, light, run: run.then_some(before), places, means, known }
         };
         Self {
             each: each.to_vec(),
@@ -361,7 +388,7 @@ impl There<'_> {
         match self.run {
             Some(first) => {
                 let at = 3 * pixel * samples.planes + first;
-                three(|c| widen8(simd, &samples.data, at + c * samples.planes))
+                three(|c| self.samples.widen(simd, at + c * samples.planes))
             }
             None => {
                 let found = self.scattered_samples(pixel);
@@ -389,8 +416,8 @@ impl There<'_> {
         match self.run {
             Some(first) => {
                 let at = 2 * pixel * means.lights + first;
-                let of = |c: usize| widen8(simd, &means.data, at + c * means.lights) * means.scale;
-                [of(0), of(1)]
+                let (mean, deviation) = (self.light.widen(simd, at), self.light.widen(simd, at + means.lights));
+                [mean * means.scale, deviation * means.scale]
             }
             None => {
                 let [means, deviations] = self.scattered_means(pixel);

@@ -1,63 +1,125 @@
-//! Motion of what mirrors and glass show, matched on all threads.
+//! Motion of what mirrors and glass show, matched on all threads, eight pixels of a patch's row at once.
 
 use super::ReflectionMotion;
 use crate::par;
 use crate::plane::{Plane, Size};
 use crate::sequence::settings::Reflections;
 use crate::window::Features;
+use fearless_simd::{Simd, dispatch, f32x8, prelude::*};
 
-/// Colour and normal that a pixel shows.
-type Seen = [f32; 6];
+/// Colour and normal that pixels show.
+const SEEN: usize = 6;
+/// Pixels of a patch's row that are compared at once.
+const LANES: usize = 8;
 
 /// One level of the pyramid.
 struct Level {
     size: Size,
-    seen: Vec<Seen>,
+    /// Channel by channel.
+    seen: [Vec<f32>; SEEN],
     /// How much of the pixel is mirror or glass, 0..1.
     share: Vec<f32>,
+    /// Pixels of mirror in the patch around each pixel.
+    population: Vec<u32>,
 }
 
 impl Level {
-    fn finest(features: &Features) -> Option<Self> {
+    fn finest(features: &Features, s: &Reflections) -> Option<Self> {
         let (seen, colour) = (features.seen.as_ref()?, features.mirror_colour.as_ref()?);
         let size = features.size;
         let share = |i: usize| if colour.at(0, i) == [1.0; 3] { 0.0 } else { 1.0 };
         let share: Vec<f32> = (0..size.pixels()).map(share).collect();
-        let seen = |i: usize| {
+        if !share.contains(&1.0) {
+            return None;
+        }
+        let mut channels = std::array::from_fn(|_| Vec::with_capacity(size.pixels()));
+        for i in 0..size.pixels() {
             let ([r, g, b], [x, y, z]) = (seen.at(0, i), seen.at(1, i));
-            [r, g, b, x, y, z]
-        };
-        share.contains(&1.0).then(|| Self { size, seen: (0..size.pixels()).map(seen).collect(), share })
+            channels.iter_mut().zip([r, g, b, x, y, z]).for_each(|(channel, value)| channel.push(value));
+        }
+        Some(Self::new(size, channels, share, s))
+    }
+
+    fn new(size: Size, seen: [Vec<f32>; SEEN], share: Vec<f32>, s: &Reflections) -> Self {
+        let population = population(size, &share, s);
+        Self { size, seen, share, population }
     }
 
     /// Means over 2x2, of the mirror's part alone.
-    fn coarser(&self) -> Self {
+    fn coarser(&self, s: &Reflections) -> Self {
         let size = Size::new(self.size.width.div_ceil(2), self.size.height.div_ceil(2));
-        let (mut seen, mut share) = (Vec::with_capacity(size.pixels()), Vec::with_capacity(size.pixels()));
+        let mut seen = std::array::from_fn(|_| Vec::with_capacity(size.pixels()));
+        let mut share = Vec::with_capacity(size.pixels());
         for y in 0..size.height {
             for x in 0..size.width {
-                let (mut sum, mut weight, mut pixels) = ([0.0f32; 6], 0.0f32, 0.0f32);
+                let (mut sum, mut weight, mut pixels) = ([0.0f32; SEEN], 0.0f32, 0.0f32);
                 for qy in 2 * y..(2 * y + 2).min(self.size.height) {
                     for qx in 2 * x..(2 * x + 2).min(self.size.width) {
                         let q = qy * self.size.width + qx;
-                        for (sum, value) in sum.iter_mut().zip(&self.seen[q]) {
-                            *sum += self.share[q] * value;
+                        for (sum, channel) in sum.iter_mut().zip(&self.seen) {
+                            *sum += self.share[q] * channel[q];
                         }
                         weight += self.share[q];
                         pixels += 1.0;
                     }
                 }
-                seen.push(if weight > 0.0 { sum.map(|s| s / weight) } else { [0.0; 6] });
+                for (channel, sum) in seen.iter_mut().zip(sum) {
+                    channel.push(if weight > 0.0 { sum / weight } else { 0.0 });
+                }
                 share.push(weight / pixels);
             }
         }
-        Self { size, seen, share }
+        Self::new(size, seen, share, s)
     }
 
     fn at(&self, x: i32, y: i32) -> Option<usize> {
         let inside = x >= 0 && y >= 0 && (x as usize) < self.size.width && (y as usize) < self.size.height;
         inside.then(|| y as usize * self.size.width + x as usize)
     }
+
+    /// A row of a channel; nothing above and below the picture.
+    #[inline(always)]
+    fn row<'a>(&self, channel: &'a [f32], y: i32) -> &'a [f32] {
+        let w = self.size.width;
+        if y >= 0 && (y as usize) < self.size.height { &channel[y as usize * w..][..w] } else { &[] }
+    }
+}
+
+/// Pixels of mirror in the patch around each pixel.
+fn population(size: Size, share: &[f32], s: &Reflections) -> Vec<u32> {
+    let (w, h, patch) = (size.width, size.height, s.patch as usize);
+    let mut all = vec![0u32; size.pixels()];
+    let mut columns = vec![0u32; w];
+    for (y, out) in all.chunks_exact_mut(w).enumerate() {
+        columns.fill(0);
+        for row in share[y.saturating_sub(patch) * w..(y + patch + 1).min(h) * w].chunks_exact(w) {
+            columns.iter_mut().zip(row).for_each(|(n, share)| *n += u32::from(*share >= s.least_share));
+        }
+        for (x, out) in out.iter_mut().enumerate() {
+            *out = columns[x.saturating_sub(patch)..(x + patch + 1).min(w)].iter().sum();
+        }
+    }
+    all
+}
+
+/// Eight values of a row from column `at` on; 0 beyond its ends. Without `EDGE` all must lie within the row: no function is called
+/// then, so that a loop around keeps its numbers in registers.
+#[inline(always)]
+fn load<const EDGE: bool, S: Simd>(simd: S, row: &[f32], at: i32) -> f32x8<S> {
+    let run = match row.get(at as usize..) {
+        Some(rest) => rest.first_chunk::<LANES>(),
+        None => None,
+    };
+    match run {
+        Some(run) => f32x8::from_slice(simd, run),
+        None if EDGE => at_edge(row, at).simd_into(simd),
+        None => f32x8::splat(simd, 0.0),
+    }
+}
+
+#[cold]
+fn at_edge(row: &[f32], at: i32) -> [f32; LANES] {
+    std::array::from_fn(|i| usize::try_from(at + i as i32).ok().and_then(|x| row.get(x)).copied().unwrap_or(0.0))
 }
 
 fn pyramid(finest: Level, s: &Reflections) -> Vec<Level> {
@@ -65,7 +127,7 @@ fn pyramid(finest: Level, s: &Reflections) -> Vec<Level> {
     while let Some(last) = levels.last()
         && last.size.width.min(last.size.height) >= 2 * s.coarsest as usize
     {
-        let next = last.coarser();
+        let next = last.coarser(s);
         levels.push(next);
     }
     levels
@@ -74,7 +136,7 @@ fn pyramid(finest: Level, s: &Reflections) -> Vec<Level> {
 /// Motion of reflections from `next` to `previous`, and back; each `None` where the surface's is unknown. `None`: one
 /// of the frames has no mirror.
 pub(crate) fn run(previous: &Features, next: &Features, s: &Reflections) -> Option<ReflectionMotion> {
-    let (a, b) = (pyramid(Level::finest(previous)?, s), pyramid(Level::finest(next)?, s));
+    let (a, b) = (pyramid(Level::finest(previous, s)?, s), pyramid(Level::finest(next, s)?, s));
     Some(ReflectionMotion {
         to_previous: next.motion.to_previous.as_ref().map(|m| follow(&b, &a, m.clone(), s)),
         to_next: previous.motion.to_next.as_ref().map(|m| follow(&a, &b, m.clone(), s)),
@@ -90,13 +152,19 @@ fn follow(here: &[Level], there: &[Level], mut motion: Plane<[f32; 2]>, s: &Refl
         let pair = Pair { here: &here[level], there: &there[level], surface: &surface[level], s };
         let size = pair.here.size;
         let coarse = std::mem::take(&mut found);
-        found = par::plane(size, |x, y| pair.best(x as i32, y as i32, &coarse, above)).into_vec();
+        found = vec![[0; 2]; size.pixels()];
+        par::rows(&mut found, size.width, |y, row| {
+            dispatch!(crate::simd::level(), simd => pair.best_of_row(simd, y, &coarse, above, row));
+        });
         above = size;
         found = pair.calm(&found);
     }
     let pair = Pair { here: &here[0], there: &there[0], surface: &surface[0], s };
     let size = pair.here.size;
-    let fine = par::plane(size, |x, y| pair.between_pixels(x as i32, y as i32, &found));
+    let mut fine = Plane::filled(size, [0.0; 2]);
+    par::rows(fine.data_mut(), size.width, |y, row| {
+        dispatch!(crate::simd::level(), simd => pair.row_between_pixels(simd, y, &found, row));
+    });
     let known = |m: &[f32; 2]| m.iter().all(|c| c.is_finite());
     for ((m, fine), share) in motion.data_mut().iter_mut().zip(fine.data()).zip(&here[0].share) {
         if *share > 0.0 && known(m) {
@@ -138,77 +206,107 @@ struct Pair<'a> {
 }
 
 impl Pair<'_> {
-    /// Pixels of mirror in the patch.
-    fn population(&self, x: i32, y: i32) -> usize {
-        let patch = self.s.patch as i32;
-        let around = (-patch..=patch).flat_map(|dy| (-patch..=patch).map(move |dx| (x + dx, y + dy)));
-        around.filter_map(|(x, y)| self.here.at(x, y)).filter(|&p| self.here.share[p] >= self.s.least_share).count()
+    /// True where the patch of a pixel of mirror holds enough to be matched.
+    fn is_matched(&self, p: usize) -> bool {
+        self.here.share[p] >= self.s.least_share && self.here.population[p] as usize >= self.s.least_patch as usize
     }
 
     /// Mean difference of the patches round (x, y) here and round (x, y) + `offset` there, and the cost of departing.
-    fn cost(&self, x: i32, y: i32, offset: [i32; 2]) -> f32 {
-        let (mut sum, mut n) = (0.0f32, 0.0f32);
-        let Reflections { least_share, most_difference, departure: rate, .. } = *self.s;
+    #[inline(always)]
+    fn cost<S: Simd>(&self, simd: S, (x, y): (i32, i32), offset: [i32; 2]) -> f32 {
+        let here = self.here;
+        let Some(p) = here.at(x, y).filter(|&p| here.population[p] > 0) else { return f32::MAX };
         let patch = self.s.patch as i32;
-        for dy in -patch..=patch {
-            for dx in -patch..=patch {
-                let Some(p) = self.here.at(x + dx, y + dy).filter(|&p| self.here.share[p] >= least_share) else {
-                    continue;
-                };
-                let q = self.there.at(x + dx + offset[0], y + dy + offset[1]);
-                let difference = match q.filter(|&q| self.there.share[q] >= least_share) {
-                    Some(q) => {
-                        let (a, b) = (&self.here.seen[p], &self.there.seen[q]);
-                        (0..6).map(|c| (a[c] - b[c]).powi(2)).sum::<f32>().min(most_difference)
-                    }
-                    None => most_difference,
-                };
-                sum += difference;
-                n += 1.0;
-            }
-        }
-        let Some(p) = self.here.at(x, y).filter(|_| n > 0.0) else { return f32::MAX };
-        let departure = [0, 1].map(|c| offset[c] as f32 - self.surface[p][c]);
-        sum / n + rate * (departure[0] * departure[0] + departure[1] * departure[1])
+        // Columns that are read, all lanes counted.
+        let (from, width) = (x - patch, (2 * patch as usize + 1).next_multiple_of(LANES) as i32);
+        let inside = |from: i32, level: &Level| from >= 0 && from + width <= level.size.width as i32;
+        let rows = y + offset[1] >= patch && y + offset[1] + patch < self.there.size.height as i32;
+        let sum = if rows && inside(from, here) && inside(from + offset[0], self.there) {
+            self.difference::<false, _>(simd, (x, y), offset)
+        } else {
+            self.difference::<true, _>(simd, (x, y), offset)
+        };
+        let departure = [offset[0] as f32 - self.surface[p][0], offset[1] as f32 - self.surface[p][1]];
+        sum / here.population[p] as f32 + self.s.departure * (departure[0] * departure[0] + departure[1] * departure[1])
     }
 
-    /// The best offset of a pixel, from those of the level above.
-    fn best(&self, x: i32, y: i32, coarse: &[[i32; 2]], above: Size) -> [i32; 2] {
-        let Some(p) = self.here.at(x, y) else { return [0; 2] };
-        let start = self.surface[p].map(|m| m.round() as i32);
-        if self.here.share[p] < self.s.least_share || self.population(x, y) < self.s.least_patch as usize {
-            return start;
-        }
-        let mut best = (self.s.surface_bonus * self.cost(x, y, start), start);
-        let attempt = |offset: [i32; 2], best: &mut (f32, [i32; 2])| {
-            let cost = self.cost(x, y, offset);
-            if cost < best.0 {
-                *best = (cost, offset);
+    /// Sum of the differences of these patches.
+    #[inline(always)]
+    fn difference<const EDGE: bool, S: Simd>(&self, simd: S, (x, y): (i32, i32), offset: [i32; 2]) -> f32 {
+        let Reflections { least_share, most_difference, .. } = *self.s;
+        let (here, there) = (self.here, self.there);
+        let patch = self.s.patch as i32;
+        let (zero, least) = (f32x8::splat(simd, 0.0), f32x8::splat(simd, least_share));
+        let most = f32x8::splat(simd, most_difference);
+        let mut sum = 0.0f32;
+        for row in (y - patch).max(0)..=(y + patch).min(here.size.height as i32 - 1) {
+            let mut column = x - patch;
+            while column <= x + patch {
+                let at = column + offset[0];
+                let mut squared = zero;
+                for c in 0..SEEN {
+                    let d = load::<EDGE, _>(simd, here.row(&here.seen[c], row), column)
+                        - load::<EDGE, _>(simd, there.row(&there.seen[c], row + offset[1]), at);
+                    squared += d * d;
+                }
+                let both = load::<EDGE, _>(simd, there.row(&there.share, row + offset[1]), at).simd_ge(least);
+                let difference = both.select(squared.min(most), most);
+                // Nothing is added for pixels that are no mirror here: one after the other, as their sum has been rounded.
+                let counts = load::<EDGE, _>(simd, here.row(&here.share, row), column).simd_ge(least);
+                let differences: [f32; LANES] = counts.select(difference, zero).into();
+                let n = (x + patch + 1 - column).min(LANES as i32) as usize;
+                for difference in &differences[..n] {
+                    sum += difference;
+                }
+                column += LANES as i32;
             }
-        };
-        if coarse.is_empty() {
-            let search = self.s.search as i32;
-            for dy in -search..=search {
-                for dx in -search..=search {
-                    attempt([start[0] + dx, start[1] + dy], &mut best);
+        }
+        sum
+    }
+
+    /// The best offsets of a row of pixels, from those of the level above.
+    #[inline(always)]
+    fn best_of_row<S: Simd>(&self, simd: S, y: usize, coarse: &[[i32; 2]], above: Size, out: &mut [[i32; 2]]) {
+        let mut offsets: Vec<[i32; 2]> = Vec::new();
+        for (x, out) in out.iter_mut().enumerate() {
+            let p = y * self.here.size.width + x;
+            let start = self.surface[p].map(|m| m.round() as i32);
+            if !self.is_matched(p) {
+                *out = start;
+                continue;
+            }
+            // Two rounds: of what may be, then of what is beside the best. A round of its own for the surface's motion.
+            let mut best = (0.0, start);
+            for round in 0..3 {
+                offsets.clear();
+                match (round, coarse.is_empty()) {
+                    (0, _) => offsets.push(start),
+                    (1, true) => square(self.s.search as i32, start, &mut offsets),
+                    (1, false) => {
+                        for (dx, dy) in [(0, 0), (-1, 0), (1, 0), (0, -1), (0, 1)] {
+                            let (qx, qy) = ((x / 2) as i32 + dx, (y / 2) as i32 + dy);
+                            if qx >= 0 && qy >= 0 && (qx as usize) < above.width && (qy as usize) < above.height {
+                                offsets.push(coarse[qy as usize * above.width + qx as usize].map(|c| 2 * c));
+                            }
+                        }
+                    }
+                    (_, true) => break,
+                    (_, false) => {
+                        square(1, best.1, &mut offsets);
+                        best.0 *= self.s.stay;
+                    }
+                }
+                for offset in &offsets {
+                    let cost = self.cost(simd, (x as i32, y as i32), *offset);
+                    if round == 0 {
+                        best.0 = self.s.surface_bonus * cost;
+                    } else if cost < best.0 {
+                        best = (cost, *offset);
+                    }
                 }
             }
-            return best.1;
+            *out = best.1;
         }
-        for (dx, dy) in [(0, 0), (-1, 0), (1, 0), (0, -1), (0, 1)] {
-            let (qx, qy) = (x / 2 + dx, y / 2 + dy);
-            if qx >= 0 && qy >= 0 && (qx as usize) < above.width && (qy as usize) < above.height {
-                attempt(coarse[qy as usize * above.width + qx as usize].map(|c| 2 * c), &mut best);
-            }
-        }
-        let middle = best.1;
-        best.0 *= self.s.stay;
-        for dy in -1..=1 {
-            for dx in -1..=1 {
-                attempt([middle[0] + dx, middle[1] + dy], &mut best);
-            }
-        }
-        best.1
     }
 
     /// Medians over 3x3 of the mirror's part, component by component: single patches err.
@@ -217,7 +315,7 @@ impl Pair<'_> {
         let median = |x: usize, y: usize| {
             let p = y * size.width + x;
             let (x, y) = (x as i32, y as i32);
-            if self.population(x, y) < self.s.least_patch as usize || self.here.share[p] < self.s.least_share {
+            if !self.is_matched(p) {
                 return found[p];
             }
             let mut around = [Vec::new(), Vec::new()];
@@ -235,24 +333,36 @@ impl Pair<'_> {
         par::plane(size, median).into_vec()
     }
 
-    /// The least of the parabolas through the best offset's cost and its neighbours'.
-    fn between_pixels(&self, x: i32, y: i32, found: &[[i32; 2]]) -> [f32; 2] {
-        let Some(p) = self.here.at(x, y).filter(|&p| self.here.share[p] >= self.s.least_share) else { return [0.0; 2] };
-        if found[p] == self.surface[p].map(|m| m.round() as i32) {
-            return self.surface[p];
+    /// Of a row of pixels the least of the parabolas through the best offset's cost and its neighbours'.
+    #[inline(always)]
+    fn row_between_pixels<S: Simd>(&self, simd: S, y: usize, found: &[[i32; 2]], out: &mut [[f32; 2]]) {
+        for (x, out) in out.iter_mut().enumerate() {
+            let p = y * self.here.size.width + x;
+            if self.here.share[p] < self.s.least_share {
+                continue;
+            }
+            if found[p] == self.surface[p].map(|m| m.round() as i32) {
+                *out = self.surface[p];
+                continue;
+            }
+            let best = found[p];
+            let mut costs = [0.0; 5];
+            for (cost, [dx, dy]) in costs.iter_mut().zip([[0, 0], [-1, 0], [1, 0], [0, -1], [0, 1]]) {
+                *cost = self.cost(simd, (x as i32, y as i32), [best[0] + dx, best[1] + dy]);
+            }
+            for c in 0..2 {
+                let [middle, before, after] = [costs[0], costs[1 + 2 * c], costs[2 + 2 * c]];
+                let bend = before + after - 2.0 * middle;
+                let shift = if bend > 1e-12 { (0.5 * (before - after) / bend).clamp(-0.5, 0.5) } else { 0.0 };
+                out[c] = best[c] as f32 + shift;
+            }
         }
-        let best = found[p];
-        let middle = self.cost(x, y, best);
-        [0, 1].map(|c| {
-            let beside = |step: i32| {
-                let mut offset = best;
-                offset[c] += step;
-                self.cost(x, y, offset)
-            };
-            let (before, after) = (beside(-1), beside(1));
-            let bend = before + after - 2.0 * middle;
-            let shift = if bend > 1e-12 { (0.5 * (before - after) / bend).clamp(-0.5, 0.5) } else { 0.0 };
-            best[c] as f32 + shift
-        })
+    }
+}
+
+/// All offsets around one, up to `reach` pixels each way, row by row.
+fn square(reach: i32, [x, y]: [i32; 2], out: &mut Vec<[i32; 2]>) {
+    for dy in -reach..=reach {
+        out.extend((-reach..=reach).map(|dx| [x + dx, y + dy]));
     }
 }

@@ -1,69 +1,41 @@
-//! The variance of every light's mean, whole rows on vectors.
+//! The variance of every light's mean, sixteen pixels of a row at once through all taps.
 
-use crate::kernels::guide_distance::weight;
-use crate::kernels::guide_distance_cpu::{Offset, guide_distances, strips};
-use crate::kernels::math::{luminance, three};
+use crate::kernels::guide_distance_cpu::{Distances, Guides, inside, three_rows, weight};
+use crate::kernels::lanes::{BLOCK, load, store};
+use crate::kernels::math::LUMINANCE;
 use crate::plane::Plane;
 use crate::sequence::settings::{Variance, Wavelet};
 use crate::stages::gather::Gathered;
 use crate::window::{Class, LocalFeatures};
+use fearless_simd::{Simd, f32x16, prelude::*};
 
 /// One row of `out`, a channel a light. Arguments as those of [`super::reference::run`].
 #[inline(always)]
-pub(crate) fn row(
+pub(crate) fn row<S: Simd>(
+    simd: S,
     local: &LocalFeatures,
     gathered: &Gathered,
     given: &[Option<Plane<f32>>],
-    s: &Variance,
-    wavelet: &Wavelet,
+    (s, wavelet): (&Variance, &Wavelet),
     y: usize,
     out: &mut [f32],
 ) {
     let (w, h) = (local.size.width, local.size.height);
     let slots = &gathered.slots;
     let lights = slots.len();
-    let radius = s.radius as isize;
-    let classes: Vec<usize> = slots.iter().map(|s| Class::of(s.kind) as usize).collect();
-    let wanted = Class::ALL.map(|c| classes.contains(&(c as usize)));
-    let mut distance: [Vec<f32>; 4] = std::array::from_fn(|_| vec![0.0; w]);
+    let wanted = Class::ALL.map(|c| slots.iter().any(|slot| Class::of(slot.kind) == c));
+    let mut distances = Distances::new(s.radius as usize);
     // Per light: pooled spread, its degrees of freedom, and the moments of the means with their weight.
     let mut sums = vec![0.0f32; lights * 5 * w];
-    for strip in strips(w) {
-        for dy in -radius..=radius {
-            for dx in -radius..=radius {
-                let Some(o) = Offset::new(w, h, y, dx, dy).and_then(|o| o.within(&strip)) else { continue };
-                if dx == 0 && dy == 0 {
-                    distance.iter_mut().for_each(|e| e.fill(0.0));
-                } else {
-                    guide_distances(local, w, &o, wavelet, wanted, &mut distance);
-                }
-                for (l, slot) in slots.iter().enumerate() {
-                    let distance = &distance[classes[l]];
-                    let spread = o.taps(gathered.moments.row(o.qy, 2 * l));
-                    let count = o.taps(gathered.moments.row(o.qy, 2 * l + 1));
-                    let rgb = three(|c| o.taps(gathered.colours.row(o.qy, 3 * slot.first + c)));
-                    let n = o.to - o.from;
-                    let (distance, spread, count) = (&distance[..n], &spread[..n], &count[..n]);
-                    let [r, g, b] = three(|c| &rgb[c][..n]);
-                    let (pooled, rest) = sums[5 * l * w..][..5 * w].split_at_mut(w);
-                    let (freedoms, rest) = rest.split_at_mut(w);
-                    let (first, rest) = rest.split_at_mut(w);
-                    let (second, total) = rest.split_at_mut(w);
-                    let (pooled, freedoms) = (&mut pooled[o.from..o.to], &mut freedoms[o.from..o.to]);
-                    let (first, second) = (&mut first[o.from..o.to], &mut second[o.from..o.to]);
-                    let total = &mut total[o.from..o.to];
-                    for i in 0..n {
-                        let weight = weight(distance[i]);
-                        let freedom = weight * (count[i] - 1.0).max(0.0);
-                        let mean = luminance([r[i], g[i], b[i]]);
-                        pooled[i] += freedom * spread[i];
-                        freedoms[i] += freedom;
-                        first[i] += weight * mean;
-                        second[i] += weight * mean * mean;
-                        total[i] += weight;
-                    }
-                }
-            }
+    for x in (0..w).step_by(BLOCK) {
+        if distances.reach_edge(x, w, 1) {
+            let guides = Guides::<_, true>::new(simd, local, wavelet, wanted, [x, y]);
+            distances.find(&guides, h, 1);
+            moments::<true, _>(simd, gathered, &distances, x, &mut sums);
+        } else {
+            let guides = Guides::<_, false>::new(simd, local, wavelet, wanted, [x, y]);
+            distances.find(&guides, h, 1);
+            moments::<false, _>(simd, gathered, &distances, x, &mut sums);
         }
     }
     for l in 0..lights {
@@ -78,6 +50,33 @@ pub(crate) fn row(
             let otherwise = given.map(|given| given[x]).filter(|v| !v.is_nan()).unwrap_or(over_space);
             let trust = (freedom / s.trusted_samples).min(1.0);
             out[l * w + x] = (over_time * trust + otherwise * (1.0 - trust)) / count[x].max(1.0);
+        }
+    }
+}
+
+/// Sums over the taps of the pixels from `x` on, five a light.
+#[inline(always)]
+fn moments<const EDGE: bool, S: Simd>(simd: S, gathered: &Gathered, distances: &Distances, x: usize, sums: &mut [f32]) {
+    let w = gathered.colours.size().width;
+    let zero = f32x16::splat(simd, 0.0);
+    for (l, slot) in gathered.slots.iter().enumerate() {
+        let (mut pooled, mut freedoms, mut total) = (zero, zero, zero);
+        let (mut first, mut second) = (zero, zero);
+        for (tap, distance) in distances.of(Class::of(slot.kind)) {
+            let weight = inside::<EDGE, _>(tap, w, weight(f32x16::from_slice(simd, distance)));
+            let spread = load::<EDGE, _>(simd, gathered.moments.row(tap.row, 2 * l), tap.at);
+            let count = load::<EDGE, _>(simd, gathered.moments.row(tap.row, 2 * l + 1), tap.at);
+            let [r, g, b] = three_rows::<EDGE, _>(simd, &gathered.colours, tap, 3 * slot.first);
+            let freedom = weight * (count - 1.0).max_precise(zero);
+            let mean = r * LUMINANCE[0] + g * LUMINANCE[1] + b * LUMINANCE[2];
+            pooled += freedom * spread;
+            freedoms += freedom;
+            first += weight * mean;
+            second += weight * mean * mean;
+            total += weight;
+        }
+        for (k, sum) in [pooled, freedoms, first, second, total].into_iter().enumerate() {
+            store(sum, &mut sums[(5 * l + k) * w..][..w], x);
         }
     }
 }

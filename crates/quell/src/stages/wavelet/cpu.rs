@@ -1,63 +1,66 @@
-//! The a-trous levels, whole rows on vectors; lights share the guide distances of a level.
+//! The a-trous levels, sixteen pixels of a row at once through all taps: sums stay in registers, and lights share the guide
+//! distances of a level.
 
-use super::{LEAST_VARIANCE, SPLINE, TENT, stop_by_noise, tolerance};
-use crate::kernels::guide_distance::weight;
-use crate::kernels::guide_distance_cpu::{Offset, guide_distances, strips};
-use crate::kernels::math::luminance;
+use super::{LEAST_VARIANCE, SPLINE, TENT, tolerance};
+use crate::kernels::guide_distance_cpu::{Distances, Guides, inside, three_rows, weight};
+use crate::kernels::lanes::{BLOCK, load, store};
+use crate::kernels::math::LUMINANCE;
+use crate::sequence::LightKind;
 use crate::sequence::settings::Wavelet;
 use crate::window::{Class, Features, LightSlot, LocalFeatures, Rows};
+use fearless_simd::{Simd, f32x16, prelude::*};
 
 /// One row of two channels a light: mean luminance over 3x3 of the same surface, and its variance.
 #[inline(always)]
-pub(crate) fn compared_row(
+pub(crate) fn compared_row<S: Simd>(
+    simd: S,
     local: &LocalFeatures,
     slots: &[LightSlot],
-    colours: &Rows,
-    variance: &Rows,
+    (colours, variance): (&Rows, &Rows),
     s: &Wavelet,
     y: usize,
     out: &mut [f32],
 ) {
     let (w, h) = (local.size.width, local.size.height);
-    let lights = slots.len();
-    let classes: Vec<usize> = slots.iter().map(|s| Class::of(s.kind) as usize).collect();
-    let wanted = Class::ALL.map(|c| classes.contains(&(c as usize)));
-    let mut distance: [Vec<f32>; 4] = std::array::from_fn(|_| vec![0.0; w]);
-    let mut total = vec![0.0f32; lights * w];
-    for strip in strips(w) {
-        for dy in -1..=1isize {
-            for dx in -1..=1isize {
-                let Some(o) = Offset::new(w, h, y, dx, dy).and_then(|o| o.within(&strip)) else { continue };
-                if dx == 0 && dy == 0 {
-                    distance.iter_mut().for_each(|e| e.fill(0.0));
-                } else {
-                    guide_distances(local, w, &o, s, wanted, &mut distance);
-                }
-                let share = TENT[dx.unsigned_abs()] * TENT[dy.unsigned_abs()];
-                let n = o.to - o.from;
-                for (l, slot) in slots.iter().enumerate() {
-                    let rgb = [0, 1, 2].map(|c| &o.taps(colours.row(o.qy, 3 * slot.first + c))[..n]);
-                    let var = &o.taps(variance.row(o.qy, l))[..n];
-                    let distance = &distance[classes[l]][..n];
-                    let (mean, spread) = out[2 * l * w..][..2 * w].split_at_mut(w);
-                    let (mean, spread) = (&mut mean[o.from..o.to], &mut spread[o.from..o.to]);
-                    let total = &mut total[l * w + o.from..][..n];
-                    for i in 0..n {
-                        let g = share * weight(distance[i]);
-                        total[i] += g;
-                        mean[i] += g * luminance([rgb[0][i], rgb[1][i], rgb[2][i]]);
-                        spread[i] += g * g * var[i];
-                    }
-                }
-            }
+    let wanted = Class::ALL.map(|c| slots.iter().any(|slot| Class::of(slot.kind) == c));
+    let mut distances = Distances::new(1);
+    for x in (0..w).step_by(BLOCK) {
+        if distances.reach_edge(x, w, 1) {
+            let guides = Guides::<_, true>::new(simd, local, s, wanted, [x, y]);
+            distances.find(&guides, h, 1);
+            means::<true, _>(simd, slots, (colours, variance), &distances, x, out);
+        } else {
+            let guides = Guides::<_, false>::new(simd, local, s, wanted, [x, y]);
+            distances.find(&guides, h, 1);
+            means::<false, _>(simd, slots, (colours, variance), &distances, x, out);
         }
     }
-    for l in 0..lights {
-        for x in 0..w {
-            let total = total[l * w + x];
-            out[2 * l * w + x] /= total;
-            out[(2 * l + 1) * w + x] /= total * total;
+}
+
+/// The part of [`compared_row`] from `x` on.
+#[inline(always)]
+fn means<const EDGE: bool, S: Simd>(
+    simd: S,
+    slots: &[LightSlot],
+    (colours, variance): (&Rows, &Rows),
+    distances: &Distances,
+    x: usize,
+    out: &mut [f32],
+) {
+    let w = colours.size().width;
+    let zero = f32x16::splat(simd, 0.0);
+    for (l, slot) in slots.iter().enumerate() {
+        let (mut mean, mut spread, mut total) = (zero, zero, zero);
+        for (tap, distance) in distances.of(Class::of(slot.kind)) {
+            let share = TENT[tap.dx.unsigned_abs()] * TENT[tap.dy.unsigned_abs()];
+            let weight = inside::<EDGE, _>(tap, w, weight(f32x16::from_slice(simd, distance)) * share);
+            let [r, g, b] = three_rows::<EDGE, _>(simd, colours, tap, 3 * slot.first);
+            total += weight;
+            mean += weight * (r * LUMINANCE[0] + g * LUMINANCE[1] + b * LUMINANCE[2]);
+            spread += weight * weight * load::<EDGE, _>(simd, variance.row(tap.row, l), tap.at);
         }
+        store(mean / total, &mut out[2 * l * w..][..w], x);
+        store(spread / (total * total), &mut out[(2 * l + 1) * w..][..w], x);
     }
 }
 
@@ -79,93 +82,124 @@ pub(crate) struct Level<'a> {
 impl Level<'_> {
     /// One row of the colours and variances after the level.
     #[inline(always)]
-    pub(crate) fn row(&self, y: usize, out: &mut [f32], out_variance: &mut [f32]) {
-        let Self { local, slots, colours, variance, compared, first, step, active, settings: s } = *self;
+    pub(crate) fn row<S: Simd>(&self, simd: S, y: usize, out: &mut [f32], out_variance: &mut [f32]) {
+        let Self { local, slots, colours, variance, step, active, settings: s, .. } = *self;
         let (w, h) = (local.size.width, local.size.height);
-        let lights = slots.len();
-        let classes: Vec<usize> = slots.iter().map(|s| Class::of(s.kind) as usize).collect();
-        let wanted = Class::ALL.map(|c| active.iter().any(|&l| classes[l] == c as usize));
-        for l in (0..lights).filter(|l| !active.contains(l)) {
+        let wanted = Class::ALL.map(|c| active.iter().any(|&l| Class::of(slots[l].kind) == c));
+        for l in (0..slots.len()).filter(|l| !active.contains(l)) {
             let slot = &slots[l];
             for c in 3 * slot.first..3 * (slot.first + slot.planes) {
                 out[c * w..][..w].copy_from_slice(colours.row(y, c));
             }
             out_variance[l * w..][..w].copy_from_slice(variance.row(y, l));
         }
-        let mut distance: [Vec<f32>; 4] = std::array::from_fn(|_| vec![0.0; w]);
-        let mut total = vec![0.0f32; lights * w];
-        let mut weights = vec![0.0f32; w];
-        // Squared, of every light at every pixel.
-        let mut tolerances = vec![0.0f32; lights * w];
-        for &l in active {
-            let kind = slots[l].kind;
-            for (x, squared) in tolerances[l * w..][..w].iter_mut().enumerate() {
-                let mirror = Features::can_reflect(kind) && local.is_mirror(y * w + x);
-                let k = if mirror { s.mirror } else { tolerance(s, kind) };
-                let (mean, spread) = (first.row(y, 2 * l)[x], first.row(y, 2 * l + 1)[x]);
-                *squared = stop_by_noise(k * k, mean, spread, s);
+        let mut distances = Distances::new(2);
+        let mut weights = vec![[0.0f32; BLOCK]; distances.most()];
+        for x in (0..w).step_by(BLOCK) {
+            if distances.reach_edge(x, w, step) {
+                let guides = Guides::<_, true>::new(simd, local, s, wanted, [x, y]);
+                distances.find(&guides, h, step);
+                self.block::<true, _>(simd, (x, y), &distances, &mut weights, (out, out_variance));
+            } else {
+                let guides = Guides::<_, false>::new(simd, local, s, wanted, [x, y]);
+                distances.find(&guides, h, step);
+                self.block::<false, _>(simd, (x, y), &distances, &mut weights, (out, out_variance));
             }
         }
-        for strip in strips(w) {
-            for dy in -2..=2isize {
-                for dx in -2..=2isize {
-                    let Some(o) = Offset::new(w, h, y, dx * step, dy * step).and_then(|o| o.within(&strip)) else {
-                        continue;
-                    };
-                    let n = o.to - o.from;
-                    let share = SPLINE[dx.unsigned_abs()] * SPLINE[dy.unsigned_abs()];
-                    let centre = dx == 0 && dy == 0;
-                    if !centre {
-                        guide_distances(local, w, &o, s, wanted, &mut distance);
-                    }
-                    for &l in active {
-                        let slot = &slots[l];
-                        let weights = &mut weights[..n];
-                        if centre {
-                            weights.fill(share);
-                        } else {
-                            let squared = &o.centres(&tolerances[l * w..][..w])[..n];
-                            let distance = &distance[classes[l]][..n];
-                            let mean = |y: usize| compared.row(y, 2 * l);
-                            let spread = |y: usize| compared.row(y, 2 * l + 1);
-                            let (mp, mq) = (&o.centres(mean(y))[..n], &o.taps(mean(o.qy))[..n]);
-                            let (vp, vq) = (&o.centres(spread(y))[..n], &o.taps(spread(o.qy))[..n]);
-                            for i in 0..n {
-                                let d = mp[i] - mq[i];
-                                let v = vp[i] + vq[i].min(s.variance_ratio * vp[i]);
-                                let contrast = s.least_contrast * mp[i];
-                                let stop =
-                                    (d * d - v).max(0.0) / (squared[i] * v + contrast * contrast + LEAST_VARIANCE);
-                                weights[i] = share * weight(distance[i] + stop);
-                            }
-                        }
-                        let total = &mut total[l * w + o.from..][..n];
-                        let var = &o.taps(variance.row(o.qy, l))[..n];
-                        let sum = &mut out_variance[l * w + o.from..][..n];
-                        for i in 0..n {
-                            total[i] += weights[i];
-                            sum[i] += weights[i] * weights[i] * var[i];
-                        }
-                        for c in 3 * slot.first..3 * (slot.first + slot.planes) {
-                            let colour = &o.taps(colours.row(o.qy, c))[..n];
-                            let sum = &mut out[c * w + o.from..][..n];
-                            for i in 0..n {
-                                sum[i] += weights[i] * colour[i];
-                            }
-                        }
-                    }
+    }
+
+    /// The pixels from (x, y) on.
+    #[inline(always)]
+    fn block<const EDGE: bool, S: Simd>(
+        &self,
+        simd: S,
+        (x, y): (usize, usize),
+        distances: &Distances,
+        weights: &mut [[f32; BLOCK]],
+        (out, out_variance): (&mut [f32], &mut [f32]),
+    ) {
+        let w = self.local.size.width;
+        for &l in self.active {
+            let slot = &self.slots[l];
+            let scale = self.weights::<EDGE, _>(simd, l, (x, y), distances, weights, out_variance);
+            for k in slot.first..slot.first + slot.planes {
+                let zero = f32x16::splat(simd, 0.0);
+                let [mut red, mut green, mut blue] = [zero; 3];
+                for ((tap, _), weight) in distances.of(Class::of(slot.kind)).zip(&*weights) {
+                    let weight = f32x16::from_slice(simd, weight);
+                    let [r, g, b] = three_rows::<EDGE, _>(simd, self.colours, tap, 3 * k);
+                    red += weight * r;
+                    green += weight * g;
+                    blue += weight * b;
+                }
+                for (c, sum) in [red, green, blue].into_iter().enumerate() {
+                    store(sum * scale, &mut out[(3 * k + c) * w..][..w], x);
                 }
             }
         }
-        for &l in active {
-            let slot = &slots[l];
-            for x in 0..w {
-                let scale = 1.0 / total[l * w + x];
-                out_variance[l * w + x] *= scale * scale;
-                for c in 3 * slot.first..3 * (slot.first + slot.planes) {
-                    out[c * w + x] *= scale;
+    }
+
+    /// A light's weights, tap by tap; writes the variance and gives one over the sum of the weights.
+    #[inline(always)]
+    fn weights<const EDGE: bool, S: Simd>(
+        &self,
+        simd: S,
+        l: usize,
+        (x, y): (usize, usize),
+        distances: &Distances,
+        weights: &mut [[f32; BLOCK]],
+        out_variance: &mut [f32],
+    ) -> f32x16<S> {
+        let Self { local, slots, variance, compared, settings: s, .. } = *self;
+        let (w, kind, zero) = (local.size.width, slots[l].kind, f32x16::splat(simd, 0.0));
+        let squared = self.stops::<EDGE, _>(simd, l, kind, (x, y));
+        let mp = load::<EDGE, _>(simd, compared.row(y, 2 * l), x as isize);
+        let vp = load::<EDGE, _>(simd, compared.row(y, 2 * l + 1), x as isize);
+        let (contrast, most) = (mp * s.least_contrast, vp * s.variance_ratio);
+        let contrast = contrast * contrast;
+        let (mut total, mut sum) = (zero, zero);
+        for ((tap, distance), found) in distances.of(Class::of(kind)).zip(weights) {
+            let share = SPLINE[tap.dx.unsigned_abs()] * SPLINE[tap.dy.unsigned_abs()];
+            let weight = if tap.is_centre() {
+                f32x16::splat(simd, share)
+            } else {
+                let d = mp - load::<EDGE, _>(simd, compared.row(tap.row, 2 * l), tap.at);
+                let v = vp + load::<EDGE, _>(simd, compared.row(tap.row, 2 * l + 1), tap.at).min_precise(most);
+                let stop = (d * d - v).max_precise(zero) / (squared * v + contrast + LEAST_VARIANCE);
+                inside::<EDGE, _>(tap, w, weight(f32x16::from_slice(simd, distance) + stop) * share)
+            };
+            total += weight;
+            sum += weight * weight * load::<EDGE, _>(simd, variance.row(tap.row, l), tap.at);
+            weight.store_slice(found);
+        }
+        let scale = 1.0 / total;
+        store(sum * (scale * scale), &mut out_variance[l * w..][..w], x);
+        scale
+    }
+
+    /// The luminance stop squared: from `low` where there is little noise to the light's own where there is much.
+    #[inline(always)]
+    fn stops<const EDGE: bool, S: Simd>(
+        &self,
+        simd: S,
+        l: usize,
+        kind: LightKind,
+        (x, y): (usize, usize),
+    ) -> f32x16<S> {
+        let (s, w) = (self.settings, self.local.size.width);
+        let mut squared = [tolerance(s, kind) * tolerance(s, kind); BLOCK];
+        if Features::can_reflect(kind) {
+            for (i, squared) in squared.iter_mut().enumerate().take(w - x) {
+                if self.local.is_mirror(y * w + x + i) {
+                    *squared = s.mirror * s.mirror;
                 }
             }
         }
+        let squared: f32x16<S> = squared.simd_into(simd);
+        let mean = load::<EDGE, _>(simd, self.first.row(y, 2 * l), x as isize);
+        let variance = load::<EDGE, _>(simd, self.first.row(y, 2 * l + 1), x as isize);
+        let low = squared.min_precise(f32x16::splat(simd, s.low * s.low));
+        let scale = mean * s.low_noise;
+        low + (squared - low) * variance / (variance + scale * scale + LEAST_VARIANCE)
     }
 }

@@ -59,12 +59,3 @@ pub(crate) fn reach_of(levels: u32) -> Reach {
 pub(crate) fn reach(s: &Wavelet) -> Reach {
     reach_of(s.levels.max(s.transmission_levels))
 }
-
-/// The luminance stop squared, where the compared mean is `mean` with that variance: from `low` where there is little noise
-/// to `squared` where there is much.
-#[inline(always)]
-pub(crate) fn stop_by_noise(squared: f32, mean: f32, variance: f32, s: &Wavelet) -> f32 {
-    let low = (s.low * s.low).min(squared);
-    let scale = s.low_noise * mean;
-    low + (squared - low) * variance / (variance + scale * scale + LEAST_VARIANCE)
-}

@@ -1,0 +1,109 @@
+//! Sixteen pixels of a row on lanes.
+
+use super::halves::{widen, widen_eight};
+use fearless_simd::{Simd, f32x16, prelude::*};
+use half::f16;
+
+/// Pixels of a row that filters work on at once, through all taps: their sums stay in registers.
+pub(crate) const BLOCK: usize = 16;
+
+/// Sixteen values of a row from column `at` on; 0 beyond its ends. Without `EDGE` all must lie within the row: no function is called
+/// then, so that a loop around keeps its sums in registers.
+#[inline(always)]
+pub(crate) fn load<const EDGE: bool, S: Simd>(simd: S, row: &[f32], at: isize) -> f32x16<S> {
+    if let Some(run) = run::<BLOCK, f32>(row, at) {
+        return f32x16::from_slice(simd, run);
+    }
+    if EDGE { at_edge(row, at).simd_into(simd) } else { f32x16::splat(simd, 0.0) }
+}
+
+#[inline(always)]
+fn run<const N: usize, T>(row: &[T], at: isize) -> Option<&[T; N]> {
+    row.get(at as usize..)?.first_chunk()
+}
+
+#[cold]
+fn at_edge(row: &[f32], at: isize) -> [f32; BLOCK] {
+    std::array::from_fn(|i| usize::try_from(at + i as isize).ok().and_then(|x| row.get(x)).copied().unwrap_or(0.0))
+}
+
+/// The same of half floats.
+#[inline(always)]
+pub(crate) fn load_halves<const EDGE: bool, S: Simd>(simd: S, row: &[f16], at: isize) -> f32x16<S> {
+    if let Some([a, b]) = run::<BLOCK, f16>(row, at).map(split) {
+        return widen_eight(simd, a).combine(widen_eight(simd, b));
+    }
+    if EDGE { halves_at_edge(row, at).simd_into(simd) } else { f32x16::splat(simd, 0.0) }
+}
+
+#[inline(always)]
+fn split(run: &[f16; BLOCK]) -> [[f16; BLOCK / 2]; 2] {
+    bytemuck::cast(*run)
+}
+
+#[cold]
+fn halves_at_edge(row: &[f16], at: isize) -> [f32; BLOCK] {
+    std::array::from_fn(|i| {
+        let half = usize::try_from(at + i as isize).ok().and_then(|x| row.get(x));
+        half.map_or(0.0, |half| widen(*half))
+    })
+}
+
+/// Writes sixteen values from column `x` on, as far as the row goes.
+#[inline(always)]
+pub(crate) fn store<S: Simd>(values: f32x16<S>, row: &mut [f32], x: usize) {
+    if let Some(run) = row.get_mut(x..x + BLOCK) {
+        values.store_slice(run);
+        return;
+    }
+    let values: [f32; BLOCK] = values.into();
+    row[x..].iter_mut().zip(values).for_each(|(out, value)| *out = value);
+}
+
+/// Of the columns from `at` on: 1 where they lie in a row of `w`, else 0.
+#[cold]
+pub(crate) fn inside(at: isize, w: usize) -> [f32; BLOCK] {
+    std::array::from_fn(|i| if (0..w as isize).contains(&(at + i as isize)) { 1.0 } else { 0.0 })
+}
+
+/// True where every one of sixteen columns from `at` on lies in a row of `w`.
+#[inline(always)]
+pub(crate) fn whole(at: isize, w: usize) -> bool {
+    at >= 0 && at + BLOCK as isize <= w as isize
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_lies_beyond_a_row_is_zero() {
+        let row: Vec<f32> = (0..19).map(|i| 1.0 + i as f32).collect();
+        let halves: Vec<f16> = row.iter().map(|v| f16::from_f32(*v)).collect();
+        fearless_simd::dispatch!(crate::simd::level(), simd => {
+            for at in -20..22isize {
+                let expected: [f32; BLOCK] = std::array::from_fn(|i| {
+                    let x = at + i as isize;
+                    if (0..19).contains(&x) { 1.0 + x as f32 } else { 0.0 }
+                });
+                let found: [f32; BLOCK] = load::<true, _>(simd, &row, at).into();
+                assert_eq!(found, expected, "{at}");
+                let found: [f32; BLOCK] = load_halves::<true, _>(simd, &halves, at).into();
+                assert_eq!(found, expected, "{at}");
+                if whole(at, 19) {
+                    let found: [f32; BLOCK] = load::<false, _>(simd, &row, at).into();
+                    assert_eq!(found, expected, "{at}");
+                    let found: [f32; BLOCK] = load_halves::<false, _>(simd, &halves, at).into();
+                    assert_eq!(found, expected, "{at}");
+                }
+                assert_eq!(inside(at, 19), expected.map(|v| if v > 0.0 { 1.0 } else { 0.0 }), "{at}");
+                assert_eq!(whole(at, 19), expected.iter().all(|v| *v > 0.0), "{at}");
+            }
+            let mut out = vec![0.0; 19];
+            for x in [0, 16] {
+                store(load::<true, _>(simd, &row, x as isize), &mut out, x);
+            }
+            assert_eq!(out, row);
+        });
+    }
+}
