@@ -6,6 +6,7 @@
 
 use crate::par;
 use crate::plane::Size;
+#[cfg(feature = "cpu")]
 use crate::simd::widest;
 use crate::window::Rows;
 
@@ -129,7 +130,10 @@ impl Layer {
                 row[..around].fill(left);
                 row[inside..].fill(right);
             }
+            #[cfg(feature = "cpu")]
             widest!(self.row(&rows, stride, rectify, size.width, out));
+            #[cfg(not(feature = "cpu"))]
+            self.row(&rows, stride, rectify, size.width, out);
         });
         out
     }
