@@ -351,7 +351,7 @@ impl Job<'_> {
                 let (noise, difference) = (own + others * others, other - mean);
                 let t = noise * s.mean_windows;
                 let weight = t / (t + difference * difference);
-                let weight = (*mask & noise.simd_gt(zero)).select(weight, zero);
+                let weight = (*mask & t.simd_gt(zero)).select(weight, zero);
                 sum += weight * other;
                 variance += weight * weight * others * others;
                 total += weight;

@@ -161,7 +161,7 @@ fn wide(f: &Features, lights: &[Asked], near: &[[f16; 2]], s: &Gather) -> Vec<[f
                             let ([mean, deviation], [other, others]) = (at(p, light), at(q, light));
                             let (noise, difference) = (deviation * deviation + others * others, other - mean);
                             let t = s.mean_windows * noise;
-                            let weight = if noise > 0.0 { t / (t + difference * difference) } else { 0.0 };
+                            let weight = if t > 0.0 { t / (t + difference * difference) } else { 0.0 };
                             *sum =
                                 [sum[0] + weight * other, sum[1] + weight * weight * others * others, sum[2] + weight];
                         }
