@@ -1,8 +1,10 @@
 //! A small convolutional net of the U-Net kind (Ronneberger et al. 2015), on images row by row: the picture at its own size, halved and
 //! halved again, and back, so that a pixel is judged by what is around it. The same bits on every machine and for every band of rows.
 //!
-//!     inputs -1x1-> A -3x3-> a -half-> -3x3-> b -half-> -3x3-> -3x3-> c
-//!     c -twice-> [b, c] -3x3-> d -twice-> [a, d] -3x3-> -1x1-> outputs
+//! ```text
+//! inputs -1x1-> A -3x3-> a -half-> -3x3-> b -half-> -3x3-> -3x3-> c
+//! c -twice-> [b, c] -3x3-> d -twice-> [a, d] -3x3-> -1x1-> outputs
+//! ```
 
 use crate::par;
 use crate::plane::Size;

@@ -91,7 +91,8 @@ fn light_likeness(here: vec2f, there: vec2f) -> f32 {
         return 1.0;
     }
     let left = allowed / squared;
-    return left * left;
+    let second = left * left;
+    return second * second;
 }
 
 // Of one of the four planes; black light has mean 0.
