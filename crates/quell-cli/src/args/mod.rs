@@ -263,6 +263,15 @@ pub struct BenchArgs {
     /// Measure the filter of `denoise` instead, on frames with Cycles' passes made in memory
     #[arg(long, conflicts_with = "scene")]
     pub sequence: bool,
+    /// With --sequence: another denoiser on the same frames in turn, and what each takes (oidn: Open Image Denoise 2, loaded from $QUELL_OIDN)
+    #[arg(long, value_name = "DENOISER", requires = "sequence")]
+    pub against: Option<Rival>,
+}
+
+/// Denoisers that `bench --sequence` measures beside quell's.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+pub enum Rival {
+    Oidn,
 }
 
 /// Make the talk's tables and figures anew: stage times, the offline table, the ablations, more paths

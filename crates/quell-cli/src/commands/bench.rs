@@ -150,6 +150,7 @@ pub fn section(context: &Context, size: Size) -> Result<(Section, Vec<StageTime>
         count: SECTION_FRAMES,
         bandwidth: None,
         sequence: false,
+        against: None,
     };
     let measured = measure(context, &mut synthetic::frame(size), &args)?;
     let backend = context.backend()?;

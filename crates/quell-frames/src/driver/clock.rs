@@ -51,6 +51,19 @@ pub fn thread_seconds() -> Option<f64> {
     None
 }
 
+/// Processor seconds of all threads of the process so far.
+#[cfg(unix)]
+pub fn process_seconds() -> Option<f64> {
+    let time = rustix::time::clock_gettime(rustix::time::ClockId::ProcessCPUTime);
+    Some(time.tv_sec as f64 + time.tv_nsec as f64 * 1e-9)
+}
+
+/// Not asked for on this system.
+#[cfg(not(unix))]
+pub fn process_seconds() -> Option<f64> {
+    None
+}
+
 /// Processor seconds of every thread of the pool that calls, and of the caller where it is none of them.
 pub fn pool_seconds() -> Option<f64> {
     let own = if rayon::current_thread_index().is_none() { thread_seconds()? } else { 0.0 };

@@ -129,11 +129,17 @@ pub(crate) fn estimate(
         input: Plane::filled(empty, [0.0; 3]),
         samples: Plane::filled(empty, 0.0),
     };
-    for stage in plan.stages() {
+    for stage in plan.stages().filter(|stage| within_window(*stage)) {
         times.during(stage.name(), || work.run(stage, accelerator))?;
     }
     let Work { gathered: Gathered { slots, colours, .. }, picture, input, samples, .. } = work;
     Ok(Estimate { slots, colours, picture, input, samples, likeness: None, signature: None })
+}
+
+/// True for the stages of [`estimate`]. A stage is timed where it runs alone: its calls are counted.
+fn within_window(stage: SequenceStage) -> bool {
+    use SequenceStage::{FeatureNoise, Gather, Sum, Variance, Wavelet};
+    matches!(stage, Gather | FeatureNoise | Variance | Wavelet | Sum)
 }
 
 impl Work<'_> {
@@ -215,7 +221,10 @@ pub(crate) fn finish(
     let mut finished = Finished { passes: Vec::new(), alpha: frame.alpha.clone(), noise: None };
     // A stage that does not run hands its input on.
     let (mut steady, mut shares) = (None, None);
-    for stage in plan.stages() {
+    for stage in plan.stages().filter(|stage| !within_window(*stage)) {
+        if stage == SequenceStage::ReflectionMotion {
+            continue;
+        }
         times.during(stage.name(), || match stage {
             SequenceStage::Stabilise => {
                 let (picture, alpha) = (stages.stabilise)(&stabilise_window(frames), centre, &s.gather, &s.stabilise);
@@ -320,4 +329,28 @@ fn blend_alpha(own: Option<&Plane<f32>>, steady: Option<Plane<f32>>, shares: &Pl
 
 fn most_samples(size: Size, moments: &Rows) -> Plane<f32> {
     Plane::from_fn(size, |x, y| (0..moments.channels() / 2).map(|l| moments.row(y, 2 * l + 1)[x]).fold(1.0, f32::max))
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::plane::Size;
+    use crate::sequence::testing::frame;
+    use crate::sequence::{SequenceDenoiser, SequenceSettings};
+
+    /// What divides a stage's time: calls in which it did nothing are none.
+    #[test]
+    fn stages_count_how_often_they_ran() {
+        let mut denoiser = SequenceDenoiser::new(SequenceSettings::default()).unwrap();
+        denoiser.time_stages(|| 0.0);
+        for t in 0..6 {
+            denoiser.push(frame(t, Size::new(24, 16)), t == 3).unwrap();
+        }
+        assert_eq!(denoiser.finish().unwrap().len(), 1);
+        let taken = denoiser.take_stage_times();
+        let calls = |name: &str| taken.iter().find(|taken| taken.0 == name).map_or(0, |taken| taken.2);
+        // Of all six the picture is needed around the one that comes out.
+        assert_eq!(["gather", "variance", "wavelet"].map(calls), [6, 6, 6], "{taken:?}");
+        assert_eq!(["stabilise", "blend", "recombine: rescale"].map(calls), [1, 1, 1], "{taken:?}");
+        assert_eq!(calls("reflection_motion"), 5, "{taken:?}");
+    }
 }

@@ -1,20 +1,23 @@
 //! `quell bench --sequence`: processor time of each stage of the sequence filter, on one thread and on all, with its floor.
 
 use super::{Bandwidth, cycles, peak_memory};
-use crate::args::BenchArgs;
+use crate::args::{BenchArgs, Rival};
 use crate::context::Context;
 use crate::failure::Failure;
 use crate::interrupt;
-use quell::Size;
-use quell::sequence::{PreparedFrame, SequenceDenoiser, SequenceSettings};
-use quell_frames::driver::clock::pool_seconds;
+use quell::sequence::{PreparedFrame, SequenceDenoiser, SequenceFrame, SequenceSettings};
+use quell::{Plane, Size};
+use quell_frames::driver::clock::{pool_seconds, process_seconds};
 use quell_lab::backend::Backend;
+use quell_lab::methods::oidn::{Prefiltered, Quality};
 use quell_lab::report::table::Table;
 use serde_json::{Map, json};
 use std::time::Instant;
 
 /// Colour planes with light of the frames that are made.
 const PLANES: usize = cycles::LIT;
+/// Frames at least that are compared with other denoisers.
+const LEAST_COMPARED: usize = 3;
 
 /// What one stage takes of a frame.
 struct Taken {
@@ -39,6 +42,15 @@ pub fn run(context: &Context, args: &BenchArgs) -> Result<(), Failure> {
             let pool = pool.map_err(|e| Failure::Usage(format!("{threads} threads cannot be started: {e}")))?;
             columns.push(pool.install(|| measure(size, &settings, args.count as usize))?);
         }
+        let mut rivals = match args.against {
+            Some(Rival::Oidn) => Others::oidn(size)?,
+            None => Others::default(),
+        };
+        let beside = if rivals.each.is_empty() {
+            None
+        } else {
+            Some(compare(size, &settings, args.count as usize, &mut rivals)?)
+        };
         let mut head = vec!["stage".to_owned()];
         head.extend(counts.iter().map(|n| format!("ms, {n} thread{}", if *n == 1 { "" } else { "s" })));
         head.extend(["ns/pixel", "bytes/pixel", "floor ms"].map(str::to_owned));
@@ -67,6 +79,9 @@ pub fn run(context: &Context, args: &BenchArgs) -> Result<(), Failure> {
         for (threads, (_, clock)) in counts.iter().zip(&columns) {
             text.push_str(&format!("by the clock, {threads} threads: {:.1} ms a frame\n", clock * 1e3));
         }
+        if let Some(own) = &beside {
+            text.push_str(&format!("\n{}\n", rivals.table(own)));
+        }
         let peak = peak_memory();
         if let Some(peak) = peak {
             text.push_str(&format!(
@@ -81,6 +96,7 @@ pub fn run(context: &Context, args: &BenchArgs) -> Result<(), Failure> {
         runs.push(json!({
             "size": size.to_string(),
             "peak_memory_bytes": peak,
+            "against": beside.as_ref().map(|own| rivals.json(own)),
             "threads": counts.iter().zip(&columns).map(|(n, (column, clock))| json!({
                 "threads": n, "processor_ms": stages(column), "clock_ms": clock * 1e3,
             })).collect::<Vec<_>>(),
@@ -129,6 +145,119 @@ fn stages(size: Size, settings: &SequenceSettings, count: usize, clock: fn() -> 
     let each = |(name, seconds, calls): (&'static str, f64, usize)| Taken { name, seconds: seconds / calls as f64 };
     taken.extend(denoiser.take_stage_times().into_iter().map(each));
     Ok(taken)
+}
+
+/// What one frame takes.
+#[derive(Clone, Copy, Default)]
+struct Cost {
+    /// Processor seconds of the process, and seconds by the clock.
+    processor: f64,
+    clock: f64,
+}
+
+impl Cost {
+    /// Of `work`.
+    fn of<T>(work: impl FnOnce() -> T) -> (T, Self) {
+        let (processor, clock) = (process_seconds().unwrap_or(0.0), wall());
+        let done = work();
+        (done, Self { processor: process_seconds().unwrap_or(0.0) - processor, clock: wall() - clock })
+    }
+
+    /// Medians, of either by itself.
+    fn median(costs: &[Self]) -> Self {
+        let middle = |of: &dyn Fn(&Self) -> f64| {
+            let mut sorted: Vec<f64> = costs.iter().map(of).collect();
+            sorted.sort_by(f64::total_cmp);
+            sorted.get(sorted.len() / 2).copied().unwrap_or(0.0)
+        };
+        Self { processor: middle(&|c| c.processor), clock: middle(&|c| c.clock) }
+    }
+}
+
+/// Other denoisers, and what each frame took.
+#[derive(Default)]
+struct Others {
+    each: Vec<(&'static str, Prefiltered, Vec<Cost>)>,
+}
+
+impl Others {
+    fn oidn(size: Size) -> Result<Self, Failure> {
+        let named = [("fast", Quality::Fast), ("balanced", Quality::Balanced), ("high", Quality::High)];
+        let open = |(name, quality)| Ok((name, Prefiltered::open(size, quality)?, Vec::new()));
+        Ok(Self { each: named.into_iter().map(open).collect::<Result<_, Failure>>()? })
+    }
+
+    /// Every one filters the frame; one's first frame, in which it builds its filter, does not count.
+    fn filter(&mut self, frame: &SequenceFrame) -> Result<(), Failure> {
+        let colour = frame.beauty();
+        let black = || Plane::filled(frame.size, [0.0; 3]);
+        let albedo = frame.lights.first().and_then(|light| light.weight.as_deref()).cloned().unwrap_or_else(black);
+        let normal = frame.normal.clone().unwrap_or_else(black);
+        for (_, denoiser, costs) in &mut self.each {
+            if costs.is_empty() {
+                denoiser.denoise(&colour, &albedo, &normal)?;
+            }
+            let (done, cost) = Cost::of(|| denoiser.denoise(&colour, &albedo, &normal));
+            done?;
+            costs.push(cost);
+        }
+        Ok(())
+    }
+
+    /// Each with its medians.
+    fn medians(&self) -> impl Iterator<Item = (&'static str, Cost)> {
+        self.each.iter().map(|(name, _, costs)| (*name, Cost::median(costs)))
+    }
+
+    fn table(&self, own: &Cost) -> Table {
+        let words = ["a frame, all threads", "processor ms", "ms by the clock", "quell: processor", "quell: clock"];
+        let mut table = Table { head: words.map(str::to_owned).to_vec(), rows: Vec::new() };
+        let ms = |seconds: f64| format!("{:.1}", seconds * 1e3);
+        let ratio = |a: f64, b: f64| if b > 0.0 { format!("{:.2} times", a / b) } else { "-".to_owned() };
+        let mut row = |name: String, cost: &Cost, ratios: [String; 2]| {
+            let [processor, clock] = ratios;
+            table.rows.push(vec![name, ms(cost.processor), ms(cost.clock), processor, clock]);
+        };
+        row("quell".to_owned(), own, [String::new(), String::new()]);
+        for (name, cost) in self.medians() {
+            let ratios = [ratio(own.processor, cost.processor), ratio(own.clock, cost.clock)];
+            row(format!("Open Image Denoise, {name}, feature buffers filtered first"), &cost, ratios);
+        }
+        table
+    }
+
+    fn json(&self, own: &Cost) -> serde_json::Value {
+        let cost = |cost: &Cost| json!({ "processor_ms": cost.processor * 1e3, "clock_ms": cost.clock * 1e3 });
+        let others = self.medians().map(|(name, found)| (format!("oidn:{name}"), cost(&found)));
+        json!({ "quell": cost(own), "others": others.collect::<Map<_, _>>() })
+    }
+}
+
+/// What quell takes of a frame whose window is whole, on all threads, with the others on the same frames in turn.
+fn compare(size: Size, settings: &SequenceSettings, count: usize, others: &mut Others) -> Result<Cost, Failure> {
+    let mut denoiser = SequenceDenoiser::new(settings.clone())?;
+    let reach = denoiser.reach();
+    // The first frame that goes out makes the estimates around it; from then on each that comes in makes one, and one goes out.
+    let (first, mut costs) = (2 * reach + 1, Vec::new());
+    for t in 0..first + count.max(LEAST_COMPARED) {
+        if interrupt::asked() {
+            return Err(Failure::Interrupted(format!("after {t} frames")));
+        }
+        let frame = cycles::frame(t as i64, size);
+        let whole = t >= first;
+        if whole {
+            others.filter(&frame)?;
+        }
+        let (done, cost) = Cost::of(|| {
+            let frame = PreparedFrame::new(frame, settings)?;
+            denoiser.push_to(frame, t >= reach, &mut |_| true)
+        });
+        done?;
+        if whole {
+            costs.push(cost);
+        }
+    }
+    Ok(Cost::median(&costs))
 }
 
 /// Bytes a pixel that a stage must read and write at least, each value once: halves and floats as they are kept.

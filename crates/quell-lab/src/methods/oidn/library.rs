@@ -61,9 +61,9 @@ pub enum Quality {
     High = 6,
 }
 
-/// What a filter reads: planes of equal extent.
+/// What a filter reads: planes of equal extent. Of a feature buffer that is filtered itself nothing else.
 pub(super) struct Images<'a> {
-    pub(super) colour: &'a [Rgb],
+    pub(super) colour: Option<&'a [Rgb]>,
     pub(super) albedo: Option<&'a [Rgb]>,
     /// Needs albedo.
     pub(super) normal: Option<&'a [[f32; 3]]>,
@@ -84,8 +84,8 @@ unsafe impl Send for Denoiser {}
 
 impl Denoiser {
     /// Loads the library from `path` (a file, or a folder), else from the loader's path and the usual folders, and makes
-    /// a filter for HDR images of `size` with auxiliary images free of noise.
-    pub(super) fn open(path: Option<&OsStr>, size: Size, quality: Quality) -> Result<Self, String> {
+    /// a filter of images of `size`: of HDR pictures with auxiliary images free of noise (`hdr`), or of one auxiliary image.
+    pub(super) fn open(path: Option<&OsStr>, size: Size, quality: Quality, hdr: bool) -> Result<Self, String> {
         let (library, file) = load(path)?;
         let functions = functions(&library)
             .map_err(|e| format!("{} lacks a function of Open Image Denoise 2: {e}", file.display()))?;
@@ -104,8 +104,8 @@ impl Denoiser {
                 (functions.release_device)(device);
                 return Err(format!("{}: {reason}", file.display()));
             }
-            (functions.set_bool)(filter, c"hdr".as_ptr(), true);
-            (functions.set_bool)(filter, c"cleanAux".as_ptr(), true);
+            (functions.set_bool)(filter, c"hdr".as_ptr(), hdr);
+            (functions.set_bool)(filter, c"cleanAux".as_ptr(), hdr);
             (functions.set_int)(filter, c"quality".as_ptr(), quality as c_int);
             (device, filter)
         };
@@ -119,8 +119,7 @@ impl Denoiser {
     /// Filters one image into `out`.
     pub(super) fn denoise(&mut self, images: &Images<'_>, out: &mut [Rgb]) -> Result<(), String> {
         let Size { width, height } = self.size;
-        let aux = [(c"albedo", images.albedo), (c"normal", images.normal)];
-        let inputs = std::iter::once((c"color", Some(images.colour))).chain(aux);
+        let inputs = [(c"color", images.colour), (c"albedo", images.albedo), (c"normal", images.normal)];
         let f = &self.functions;
         for (name, image) in inputs {
             let Some(image) = image else { continue };

@@ -12,7 +12,7 @@ use super::temporal::Temporal;
 use super::{Input, Method};
 use crate::error::Error;
 use library::{Denoiser, Images};
-use quell::{Plane, Rgb};
+use quell::{Plane, Rgb, Size};
 use std::ffi::OsString;
 use std::path::Path;
 
@@ -78,7 +78,7 @@ impl Method for Oidn {
         let frame = input.frame;
         if self.denoiser.as_ref().is_none_or(|d| d.size() != frame.size) {
             self.denoiser = None;
-            let opened = Denoiser::open(self.library.as_deref(), frame.size, self.quality);
+            let opened = Denoiser::open(self.library.as_deref(), frame.size, self.quality, true);
             self.denoiser = Some(opened.map_err(|reason| self.error(reason))?);
         }
         let mut noisy = match &mut self.temporal {
@@ -93,7 +93,7 @@ impl Method for Oidn {
         let albedo = has_albedo.then(|| input.albedo());
         let normal = frame.normal.filter(|_| has_albedo).map(|n| n.to_plane());
         let images = Images {
-            colour: noisy.data(),
+            colour: Some(noisy.data()),
             albedo: albedo.as_ref().map(Plane::data),
             normal: normal.as_ref().map(Plane::data),
         };
@@ -104,5 +104,55 @@ impl Method for Oidn {
         };
         done.map_err(|reason| self.error(reason))?;
         Ok(out)
+    }
+}
+
+/// The library as it does best on frames whose feature buffers have noise: albedo and normal are filtered first, each by itself, and
+/// then the picture with what came out of them (`cleanAux`), as its documentation advises.
+pub struct Prefiltered {
+    albedo: Denoiser,
+    normal: Denoiser,
+    picture: Denoiser,
+}
+
+impl Prefiltered {
+    /// Loads the library from `$QUELL_OIDN` or the usual places, for pictures of `size`.
+    ///
+    /// # Errors
+    /// [`Error::Method`] where it is not there or refuses.
+    pub fn open(size: Size, quality: Quality) -> Result<Self, Error> {
+        let library = std::env::var_os(LIBRARY_VARIABLE).filter(|path| !path.is_empty());
+        let open = |hdr| {
+            let opened = Denoiser::open(library.as_deref(), size, quality, hdr);
+            let advice = format!("set {LIBRARY_VARIABLE} to its library or the folder that holds it");
+            opened.map_err(|reason| Self::error(format!("{reason}; {advice}")))
+        };
+        Ok(Self { albedo: open(false)?, normal: open(false)?, picture: open(true)? })
+    }
+
+    /// The picture without noise: three filters one after the other. Colours are scene-linear, normals in world space.
+    ///
+    /// # Errors
+    /// [`Error::Method`] for planes of another extent, or where the library fails.
+    pub fn denoise(
+        &mut self,
+        colour: &Plane<Rgb>,
+        albedo: &Plane<Rgb>,
+        normal: &Plane<[f32; 3]>,
+    ) -> Result<Plane<Rgb>, Error> {
+        let size = self.picture.size();
+        let [mut clean_albedo, mut clean_normal, mut out] = [(); 3].map(|()| Plane::filled(size, [0.0; 3]));
+        let first = Images { colour: None, albedo: Some(albedo.data()), normal: None };
+        self.albedo.denoise(&first, clean_albedo.data_mut()).map_err(Self::error)?;
+        let second = Images { colour: None, albedo: None, normal: Some(normal.data()) };
+        self.normal.denoise(&second, clean_normal.data_mut()).map_err(Self::error)?;
+        let (albedo, normal) = (Some(clean_albedo.data()), Some(clean_normal.data()));
+        let images = Images { colour: Some(colour.data()), albedo, normal };
+        self.picture.denoise(&images, out.data_mut()).map_err(Self::error)?;
+        Ok(out)
+    }
+
+    fn error(reason: String) -> Error {
+        Error::Method { method: "oidn, feature buffers filtered first".to_owned(), reason }
     }
 }
