@@ -1,7 +1,7 @@
 //! Guide distances of sixteen pixels of a row at once: the fast twin of [`super::guide_distance`].
 
 use super::guide_distance::{APART, FARTHEST, LEAST_TOLERANCE};
-use super::lanes::{self, BLOCK, load};
+use super::lanes::{self, BLOCK, load_row};
 use crate::sequence::settings::Wavelet;
 use crate::window::{Class, LocalFeatures, Rows};
 use fearless_simd::{Simd, f32x16, prelude::*};
@@ -39,6 +39,12 @@ impl Tap {
     pub(crate) fn is_centre(&self) -> bool {
         self.dx == 0 && self.dy == 0
     }
+
+    /// A channel of the taps.
+    #[inline(always)]
+    pub(crate) fn of<const EDGE: bool, S: Simd>(&self, simd: S, rows: &Rows, channel: usize) -> f32x16<S> {
+        load_row::<EDGE, _>(simd, rows.data(), rows.start(self.row, channel), rows.size().width, self.at)
+    }
 }
 
 /// Nothing for pixels whose tap lies outside of the image.
@@ -56,9 +62,9 @@ pub(crate) fn inside<const EDGE: bool, S: Simd>(tap: &Tap, w: usize, weight: f32
 #[inline(always)]
 pub(crate) fn three_rows<const EDGE: bool, S: Simd>(simd: S, rows: &Rows, tap: &Tap, first: usize) -> [f32x16<S>; 3] {
     [
-        load::<EDGE, _>(simd, rows.row(tap.row, first), tap.at),
-        load::<EDGE, _>(simd, rows.row(tap.row, first + 1), tap.at),
-        load::<EDGE, _>(simd, rows.row(tap.row, first + 2), tap.at),
+        tap.of::<EDGE, _>(simd, rows, first),
+        tap.of::<EDGE, _>(simd, rows, first + 1),
+        tap.of::<EDGE, _>(simd, rows, first + 2),
     ]
 }
 
@@ -171,7 +177,7 @@ struct Place {
 impl Place {
     #[inline(always)]
     fn of<const EDGE: bool, S: Simd>(&self, simd: S, plane: &[f32]) -> f32x16<S> {
-        load::<EDGE, _>(simd, &plane[self.y * self.w..][..self.w], self.x)
+        load_row::<EDGE, _>(simd, plane, self.y * self.w, self.w, self.x)
     }
 
     #[inline(always)]

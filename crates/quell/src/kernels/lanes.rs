@@ -17,6 +17,18 @@ pub(crate) fn load<const EDGE: bool, S: Simd>(simd: S, row: &[f32], at: isize) -
     if EDGE { at_edge(row, at).simd_into(simd) } else { f32x16::splat(simd, 0.0) }
 }
 
+/// [`load`] of a row that begins at `from` in `data` and is `w` wide. Without `EDGE` its bounds are not looked at one by one.
+#[inline(always)]
+pub(crate) fn load_row<const EDGE: bool, S: Simd>(
+    simd: S,
+    data: &[f32],
+    from: usize,
+    w: usize,
+    at: isize,
+) -> f32x16<S> {
+    if EDGE { load::<true, _>(simd, &data[from..][..w], at) } else { load::<false, _>(simd, data, from as isize + at) }
+}
+
 #[inline(always)]
 fn run<const N: usize, T>(row: &[T], at: isize) -> Option<&[T; N]> {
     row.get(at as usize..)?.first_chunk()

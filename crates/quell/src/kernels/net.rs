@@ -13,10 +13,19 @@ impl<const I: usize, const H: usize, const G: usize, const O: usize> Net<I, H, G
     /// The outputs. Sums are taken in the order of the inputs, so that every instruction set gives the same bits.
     #[inline(always)]
     pub(crate) fn run(&self, inputs: &[f32; I]) -> [f32; O] {
-        let first = layer(&self.first, inputs).map(|v| v.max(0.0));
-        let second = layer(&self.second, &first).map(|v| v.max(0.0));
+        let first = rectified(layer(&self.first, inputs));
+        let second = rectified(layer(&self.second, &first));
         layer(&self.third, &second)
     }
+}
+
+/// Not by `map`: that is a function of its own, compiled for narrow vectors.
+#[inline(always)]
+fn rectified<const N: usize>(mut values: [f32; N]) -> [f32; N] {
+    for value in &mut values {
+        *value = value.max(0.0);
+    }
+    values
 }
 
 #[inline(always)]

@@ -139,7 +139,11 @@ impl Features {
     /// True where pixel `p` is a mirror or clear glass.
     #[inline(always)]
     pub fn is_mirror(&self, p: usize) -> bool {
-        self.mirror_colour.as_ref().is_some_and(|colour| colour.halves(0, p) != [f16::ONE; 3])
+        // No closure, no comparison of `half`: both are functions of their own, called in the innermost loops.
+        let Some(colour) = &self.mirror_colour else { return false };
+        let [r, g, b] = colour.halves(0, p);
+        let one = f16::ONE.to_bits();
+        (r.to_bits() ^ one) | (g.to_bits() ^ one) | (b.to_bits() ^ one) != 0
     }
 
     /// True where light of that kind is the image of other things in a mirror or glass: it has a motion of its own.

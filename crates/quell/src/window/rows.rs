@@ -38,6 +38,13 @@ impl Rows {
         &mut self.data
     }
 
+    /// Where row `y` of channel `c` begins in [`Self::data`].
+    #[inline(always)]
+    #[cfg(feature = "cpu")]
+    pub(crate) fn start(&self, y: usize, c: usize) -> usize {
+        y * (self.channels * self.size.width) + c * self.size.width
+    }
+
     /// Row `y` of channel `c`.
     pub(crate) fn row(&self, y: usize, c: usize) -> &[f32] {
         &self.data[(y * self.channels + c) * self.size.width..][..self.size.width]

@@ -1,15 +1,16 @@
 //! The mean of the samples met along each surface's trajectory, its variance, and how many samples it is worth: on all
-//! threads, one trajectory for all lights, eight colour planes at once on vectors.
+//! threads, one trajectory for all lights, eight colour planes at once on vectors; the frames of the window one after the
+//! other for some pixels of a row, so that few runs of memory are read at a time.
 
-use super::trajectory::{LANES, Tap, taps};
+use super::trajectory::{CORNERS, LANES, Met, Pair, Way};
 use super::{FREE_COUNT, Gathered, LEAST_COUNT, LEAST_NOISE, Place, decay, lit, mean_of};
 use crate::kernels::guide_distance::FARTHEST;
-use crate::kernels::halves::{Eights, widen, widen_eight};
+use crate::kernels::halves::{Eights, widen_eight};
 use crate::kernels::math::{LUMINANCE, three};
 use crate::par;
 use crate::sequence::settings::Gather;
 use crate::window::{Class, Features, LightSlot, Packed, PreparedFrame, Rows, Samples};
-use fearless_simd::{Simd, dispatch, f32x8, prelude::*};
+use fearless_simd::{Simd, dispatch, f32x8, mask32x8, prelude::*};
 use half::f16;
 
 /// Means over the window for every light of `window[centre]`.
@@ -70,147 +71,215 @@ impl<'a> Job<'a> {
                 moments[(2 * l + 1) * w..][..w].fill(1.0);
             }
         }
-        let (mut surface, mut reflected) = (Trajectories::default(), Trajectories::default());
-        for first in (0..w).step_by(LANES) {
+        let new = || Block {
+            ways: Vec::with_capacity(GROUPS),
+            sums: vec![Sums::default(); BLOCK * self.lanes.len()],
+            met: [Met::default(); GROUPS],
+            own: [[[0.0; LANES]; 6]; GROUPS],
+        };
+        let (mut surface, mut reflected) = (new(), new());
+        for first in (0..w).step_by(BLOCK) {
             let p = y * w + first;
-            let mut inside = [false; LANES];
-            inside.iter_mut().take(w - first).for_each(|inside| *inside = true);
+            let count = BLOCK.min(w - first);
+            let mut inside = [false; BLOCK];
+            inside[..count].fill(true);
             let mut mirrors = inside;
             mirrors.iter_mut().enumerate().for_each(|(i, m)| *m = *m && here.features.is_mirror(p + i));
-            surface.follow(simd, self, p, inside, false, self.looks_through);
-            if mirrors.contains(&true) {
-                reflected.follow(simd, self, p, mirrors, true, true);
-            }
-            for i in 0..LANES.min(w - first) {
-                let met = (surface.of(i), mirrors[i].then(|| reflected.of(i)));
-                self.pixel(simd, (y, first + i), met, colours, moments);
-            }
-        }
-    }
-
-    /// One pixel, of what was met on its surface's trajectory, and on that of what is reflected there.
-    #[inline(always)]
-    fn pixel<S: Simd>(
-        &self,
-        simd: S,
-        (y, x): (usize, usize),
-        (surface, reflected): (Met<'_>, Option<Met<'_>>),
-        colours: &mut [f32],
-        moments: &mut [f32],
-    ) {
-        let w = self.window[self.centre].features.size.width;
-        let p = y * w + x;
-        for lanes in &self.lanes {
-            let mut mean = lanes.mean(simd, self, p, surface);
-            if let Some(reflected) = reflected.filter(|_| lanes.reflects) {
-                let other = lanes.mean(simd, self, p, reflected);
-                for (i, _) in lanes.each.iter().enumerate().filter(|(_, lane)| lane.reflects()) {
-                    mean.take(&other, i);
+            for (block, wanted, own_motion) in [(&mut surface, &inside, false), (&mut reflected, &mirrors, true)] {
+                if wanted.contains(&true) {
+                    block.walk(simd, self, p, wanted, own_motion);
                 }
             }
-            for (i, lane) in lanes.each.iter().enumerate() {
-                let first = 3 * (lane.slot.first + lane.plane);
-                for c in 0..3 {
-                    colours[(first + c) * w + x] = mean.colours[c][i];
-                }
-                if lane.plane == 0 {
-                    moments[2 * lane.light * w + x] = mean.spread[i];
-                    moments[(2 * lane.light + 1) * w + x] = mean.count[i];
+            for i in 0..count {
+                for (k, lanes) in self.lanes.iter().enumerate() {
+                    let place = i * self.lanes.len() + k;
+                    let mut mean = surface.sums[place].mean(simd);
+                    if mirrors[i] && lanes.reflects {
+                        let other = reflected.sums[place].mean(simd);
+                        for (i, _) in lanes.each.iter().enumerate().filter(|(_, lane)| lane.reflects()) {
+                            mean.take(&other, i);
+                        }
+                    }
+                    lanes.store(&mean, first + i, w, colours, moments);
                 }
             }
         }
     }
 }
 
-/// Pixels of the window's frames that show the surfaces of eight pixels, or what mirrors show there.
-#[derive(Default)]
-struct Trajectories {
-    taps: [Vec<Tap>; LANES],
-    /// Of each tap, how alike the things are that mirrors and glass show; 1 where that is not asked.
-    likeness: [Vec<f32>; LANES],
+/// Pixels of a row that go through the frames of the window together: what they read of a frame is a few runs of memory.
+const BLOCK: usize = 64;
+const GROUPS: usize = BLOCK / LANES;
+
+/// What is known of the pixels of a block on their way through the frames.
+struct Block<S: Simd> {
+    ways: Vec<Way<S>>,
+    /// Of each pixel, for each eight planes.
+    sums: Vec<Sums>,
+    /// Of each eight pixels.
+    met: [Met; GROUPS],
+    /// What mirrors and glass show of each eight pixels: albedo and normal one after the other, channel by channel.
+    own: [[[f32; LANES]; 6]; GROUPS],
 }
 
-/// The taps of one pixel, itself first, each with the likeness of what mirrors and glass show.
-#[derive(Clone, Copy)]
-struct Met<'t> {
-    taps: &'t [Tap],
-    likeness: &'t [f32],
-}
-
-impl Trajectories {
-    fn of(&self, lane: usize) -> Met<'_> {
-        Met { taps: &self.taps[lane], likeness: &self.likeness[lane] }
+impl<S: Simd> Block<S> {
+    /// Sums up what the pixels from `first` on meet in all frames.
+    #[inline(always)]
+    fn walk(&mut self, simd: S, job: &Job<'_>, first: usize, wanted: &[bool; BLOCK], reflected: bool) {
+        let here = &job.window[job.centre].features;
+        let looks_through = job.looks_through;
+        for (g, wanted) in wanted.as_chunks::<LANES>().0.iter().enumerate() {
+            if !wanted.contains(&true) {
+                continue;
+            }
+            let pixels = first + LANES * g;
+            let mut alike = [1.0; LANES];
+            if let (true, Some(seen)) = (looks_through, &here.seen) {
+                let mut places = [0i32; LANES];
+                for i in (0..LANES).filter(|i| wanted[*i]) {
+                    places[i] = (pixels + i) as i32;
+                }
+                self.own[g] = of_eight(simd, seen, &places);
+                alike = seen_likeness(simd, job.gather, &self.own[g], (here, pixels), (here, &places));
+            }
+            for i in (0..LANES).filter(|i| wanted[*i]) {
+                for (k, lanes) in job.lanes.iter().enumerate() {
+                    self.sums[(LANES * g + i) * job.lanes.len() + k] =
+                        lanes.begin(simd, job.centre, pixels + i, alike[i]);
+                }
+            }
+        }
+        self.follow(simd, job, first, wanted, (false, reflected));
+        if job.gather.future {
+            self.follow(simd, job, first, wanted, (true, reflected));
+        }
     }
 
+    /// The frames before, or those after, nearest first.
     #[inline(always)]
-    fn follow<S: Simd>(
+    fn follow(
         &mut self,
         simd: S,
         job: &Job<'_>,
         first: usize,
-        wanted: [bool; LANES],
-        reflected: bool,
-        looks_through: bool,
+        wanted: &[bool; BLOCK],
+        (forward, reflected): (bool, bool),
     ) {
-        taps(simd, (job.window, job.centre), first, wanted, reflected, job.gather, &mut self.taps);
-        fetch(job.window, &self.taps, looks_through);
-        for (i, (taps, likeness)) in self.taps.iter().zip(&mut self.likeness).enumerate() {
-            likeness.clear();
-            if !looks_through {
-                likeness.resize(taps.len(), 1.0);
-                continue;
+        let (window, centre) = (job.window, job.centre);
+        let here = &window[centre].features;
+        let looks_through = job.looks_through;
+        let steps = if forward { window.len() - 1 - centre } else { centre }.min(job.gather.frames as usize);
+        self.ways.clear();
+        for (g, wanted) in wanted.as_chunks::<LANES>().0.iter().enumerate() {
+            self.ways.push(Way::new(simd, here, first + LANES * g, wanted));
+        }
+        for k in 1..=steps {
+            let (from, to) = if forward { (centre + k - 1, centre + k) } else { (centre + 1 - k, centre - k) };
+            let pair = Pair { from: window[from], to: window[to], forward, reflected };
+            let mut met_any = false;
+            for (way, met) in self.ways.iter_mut().zip(&mut self.met) {
+                if way.goes_on() {
+                    way.step(simd, pair, job.gather, met);
+                    fetch(window[to], met);
+                    met_any = true;
+                } else {
+                    met.weights = [[0.0; LANES]; CORNERS];
+                }
             }
-            for taps in taps.chunks(LANES) {
-                let some = seen_likeness(simd, job, first + i, taps);
-                likeness.extend_from_slice(&some[..taps.len()]);
+            if !met_any {
+                break;
+            }
+            for (g, met) in self.met.iter().enumerate() {
+                let pixels = first + LANES * g;
+                let mut alike = [[1.0; LANES]; CORNERS];
+                let member = &window[to].features;
+                if looks_through && member.seen.is_some() {
+                    for c in 0..CORNERS {
+                        if met.weights[c] != [0.0; LANES] {
+                            alike[c] =
+                                seen_likeness(simd, job.gather, &self.own[g], (here, pixels), (member, &met.pixels[c]));
+                        }
+                    }
+                }
+                for i in 0..LANES {
+                    if met.weights.iter().all(|weights| weights[i] == 0.0) {
+                        continue;
+                    }
+                    let sums = &mut self.sums[(LANES * g + i) * job.lanes.len()..];
+                    for (lanes, sums) in job.lanes.iter().zip(sums) {
+                        let there = &lanes.frames[to];
+                        let mut adding = Adding::new(simd, job.gather, lanes, (to, k), sums);
+                        // Twice, so that no function is called in the loop that nearly always runs: sums stay in registers.
+                        if let Some(first) = there.run {
+                            for c in 0..CORNERS {
+                                if met.weights[c][i] != 0.0 {
+                                    let found = there.side_by_side(simd, first, met.pixels[c][i] as usize);
+                                    adding.add(found, met.weights[c][i], alike[c][i]);
+                                }
+                            }
+                        } else {
+                            for c in 0..CORNERS {
+                                if met.weights[c][i] != 0.0 {
+                                    let pixel = met.pixels[c][i] as usize;
+                                    let found = (there.samples(simd, pixel), there.means(simd, pixel));
+                                    adding.add(found, met.weights[c][i], alike[c][i]);
+                                }
+                            }
+                        }
+                        adding.store(sums);
+                    }
+                }
             }
         }
     }
 }
 
-/// Reads of every tap what will be summed, all at once, so that the memory serves many at a time: in the sums each would be waited for.
-fn fetch(window: &[&PreparedFrame], taps: &[Vec<Tap>; LANES], looks_through: bool) {
+/// Reads what will be summed, all at once, so that the memory serves many at a time: in the sums each would be waited for.
+#[inline(always)]
+fn fetch(frame: &PreparedFrame, met: &Met) {
     let first = |data: &[f16], at: usize| data.get(at).map_or(0, |half| half.to_bits());
-    for tap in taps.iter().flatten() {
-        let (frame, pixel) = (&window[tap.frame as usize], tap.pixel as usize);
-        let mut read = first(&frame.samples.data, 3 * frame.samples.planes * pixel);
-        read ^= first(&frame.means.data, 2 * frame.means.lights * pixel);
-        if let (true, Some(seen)) = (looks_through, &frame.features.seen) {
-            read ^= first(&seen.data, 6 * pixel);
+    let mut read = 0;
+    for (pixels, weights) in met.pixels.iter().zip(&met.weights) {
+        for (pixel, weight) in pixels.iter().zip(weights) {
+            if *weight != 0.0 {
+                let pixel = *pixel as usize;
+                read ^= first(&frame.samples.data, 3 * frame.samples.planes * pixel);
+                read ^= first(&frame.means.data, 2 * frame.means.lights * pixel);
+            }
         }
-        std::hint::black_box(read);
     }
+    std::hint::black_box(read);
 }
 
-/// How alike the things are that pixel `p` and up to eight others show in mirrors and through glass, as weights:
+/// How alike the things are that eight pixels from `p` on and others show in mirrors and through glass, as weights:
 /// [`super::seen_distance`] on lanes.
 #[inline(always)]
-fn seen_likeness<S: Simd>(simd: S, job: &Job<'_>, p: usize, taps: &[Tap]) -> [f32; LANES] {
-    let here = &job.window[job.centre].features;
-    let Some(own) = &here.seen else { return [1.0; LANES] };
-    let own = of_each(own, p);
-    let mirror = here.is_mirror(p);
-    let mut there = [[f16::ZERO; LANES]; 6];
+fn seen_likeness<S: Simd>(
+    simd: S,
+    s: &Gather,
+    own: &[[f32; LANES]; 6],
+    (here, p): (&Features, usize),
+    (other, places): (&Features, &[i32; LANES]),
+) -> [f32; LANES] {
+    let Some(seen) = &other.seen else { return [1.0; LANES] };
+    let there = of_eight(simd, seen, places);
     // Light that was divided by what it shows never mixes with light that was not.
-    let (mut apart, mut known) = ([0.0f32; LANES], [0.0f32; LANES]);
-    for (i, tap) in taps.iter().enumerate() {
-        let (features, pixel) = (&job.window[tap.frame as usize].features, tap.pixel as usize);
-        let Some(seen) = &features.seen else { continue };
-        known[i] = 1.0;
-        apart[i] = if features.is_mirror(pixel) == mirror { 0.0 } else { 1.0 };
-        for (there, half) in there.iter_mut().zip(of_each(seen, pixel)) {
-            there[i] = half;
+    let mut apart = [0.0f32; LANES];
+    if here.mirror_colour.is_some() || other.mirror_colour.is_some() {
+        let last = here.size.pixels() - 1;
+        for (i, apart) in apart.iter_mut().enumerate() {
+            let differ = here.is_mirror((p + i).min(last)) != other.is_mirror(places[i] as usize);
+            *apart = if differ { 1.0 } else { 0.0 };
         }
     }
     let (zero, one) = (f32x8::splat(simd, 0.0), f32x8::splat(simd, 1.0));
-    let s = job.gather;
+    let load = |v: &[f32; LANES]| -> f32x8<S> { (*v).simd_into(simd) };
     let (tolerance, mut squared, mut cosine) = (s.seen_albedo * s.seen_albedo, zero, zero);
     let mut has_normals = zero.simd_lt(zero);
     for c in 0..3 {
-        let (albedo, normal) = (widen_eight(simd, there[2 * c]), widen_eight(simd, there[2 * c + 1]));
-        let d = f32x8::splat(simd, widen(own[2 * c])) - albedo;
+        let d = load(&own[2 * c]) - load(&there[2 * c]);
         squared += d * d;
-        let a = f32x8::splat(simd, widen(own[2 * c + 1]));
+        let (a, normal) = (load(&own[2 * c + 1]), load(&there[2 * c + 1]));
         cosine = if c == 0 { a * normal } else { cosine + a * normal };
         has_normals |= !a.simd_eq(zero) | !normal.simd_eq(zero);
     }
@@ -221,8 +290,24 @@ fn seen_likeness<S: Simd>(simd: S, job: &Job<'_>, p: usize, taps: &[Tap]) -> [f3
     for _ in 0..4 {
         b *= b;
     }
-    let [apart, known]: [f32x8<S>; 2] = [apart.simd_into(simd), known.simd_into(simd)];
-    known.simd_gt(zero).select(apart.simd_gt(zero).select(zero, b), one).into()
+    let apart: f32x8<S> = apart.simd_into(simd);
+    apart.simd_gt(zero).select(zero, b).into()
+}
+
+/// What eight pixels show in mirrors and through glass: albedo and normal one after the other, channel by channel.
+#[inline(always)]
+fn of_eight<S: Simd>(simd: S, seen: &Packed, places: &[i32; LANES]) -> [[f32; LANES]; 6] {
+    let mut found = [[f16::ZERO; LANES]; 6];
+    for (i, place) in places.iter().enumerate() {
+        for (found, half) in found.iter_mut().zip(of_each(seen, *place as usize)) {
+            found[i] = half;
+        }
+    }
+    let mut values = [[0.0; LANES]; 6];
+    for (value, halves) in values.iter_mut().zip(found) {
+        *value = widen_eight(simd, halves).into();
+    }
+    values
 }
 
 /// What a pixel shows in mirrors and through glass: albedo and normal one after the other, channel by channel.
@@ -334,62 +419,175 @@ impl<'a> Lanes<'a> {
         }
     }
 
+    /// A pixel's own sample.
+    #[inline(always)]
+    fn begin<S: Simd>(&self, simd: S, centre: usize, p: usize, alike: f32) -> Sums {
+        let load = |v: &[f32; LANES]| -> f32x8<S> { (*v).simd_into(simd) };
+        let (zero, one) = (f32x8::splat(simd, 0.0), f32x8::splat(simd, 1.0));
+        let there = &self.frames[centre];
+        let [here, deviation] = there.means(simd, p);
+        let sample = there.samples(simd, p);
+        let alike = load(&self.seen).simd_gt(zero).select(f32x8::splat(simd, alike), one);
+        let weight = load(&self.powers[0]) * alike * load(&there.known);
+        let zeros = [0.0; LANES];
+        Sums {
+            here: here.into(),
+            deviation: deviation.into(),
+            pivot: luminance(&sample).into(),
+            colours: three(|c| (zero + weight * sample[c]).into()),
+            total: weight.into(),
+            squares: (weight * weight).into(),
+            second: zeros,
+        }
+    }
+
+    /// Writes the means of pixel `x` of a row.
+    #[inline(always)]
+    fn store(&self, mean: &Means, x: usize, w: usize, colours: &mut [f32], moments: &mut [f32]) {
+        for (i, lane) in self.each.iter().enumerate() {
+            let first = 3 * (lane.slot.first + lane.plane);
+            for c in 0..3 {
+                colours[(first + c) * w + x] = mean.colours[c][i];
+            }
+            if lane.plane == 0 {
+                moments[2 * lane.light * w + x] = mean.spread[i];
+                moments[(2 * lane.light + 1) * w + x] = mean.count[i];
+            }
+        }
+    }
+}
+
+#[inline(always)]
+fn luminance<S: Simd>(c: &[f32x8<S>; 3]) -> f32x8<S> {
+    c[0] * LUMINANCE[0] + c[1] * LUMINANCE[1] + c[2] * LUMINANCE[2]
+}
+
+/// What one pixel has met of eight planes so far.
+#[derive(Clone, Copy, Default)]
+struct Sums {
+    /// Mean of the light here and its deviation; below 0: it has no noise.
+    here: [f32; LANES],
+    deviation: [f32; LANES],
+    /// Luminance of the first sample: moments about it lose less than differences of large numbers.
+    pivot: [f32; LANES],
+    colours: [[f32; LANES]; 3],
+    total: [f32; LANES],
+    /// Sum of the weights squared.
+    squares: [f32; LANES],
+    second: [f32; LANES],
+}
+
+impl Sums {
     /// The weighted mean of every plane over what was met, and what it is worth.
     #[inline(always)]
-    fn mean<S: Simd>(&self, simd: S, job: &Job<'_>, p: usize, met: Met<'_>) -> Means {
-        let splat = |v: f32| f32x8::splat(simd, v);
+    fn mean<S: Simd>(&self, simd: S) -> Means {
         let load = |v: &[f32; LANES]| -> f32x8<S> { (*v).simd_into(simd) };
-        let luminance = |c: &[f32x8<S>; 3]| c[0] * LUMINANCE[0] + c[1] * LUMINANCE[1] + c[2] * LUMINANCE[2];
-        let (zero, one) = (splat(0.0), splat(1.0));
-        let [here, deviation] = self.frames[job.centre].means(simd, p);
-        let free = deviation.simd_lt(zero);
-        let own = deviation.max(zero);
-        let own = own * own;
-        let seen = load(&self.seen);
-        // Moments about the first sample: differences of large numbers lose less.
-        let pivot = luminance(&self.frames[job.centre].samples(simd, p));
-        let mut sums = [zero; 3];
-        let (mut total, mut squares, mut second) = (zero, zero, zero);
-        let likeness = Likeness::new(simd, job.gather);
-        for (k, (tap, alike)) in met.taps.iter().zip(met.likeness).enumerate() {
-            let there = &self.frames[tap.frame as usize];
-            let alike = seen.simd_gt(zero).select(splat(*alike), one);
-            let mut weight = load(&self.powers[tap.distance as usize]) * tap.weight * alike * load(&there.known);
-            let pixel = tap.pixel as usize;
-            if k > 0 {
-                weight *= likeness.of(here, own, there.means(simd, pixel));
-                // Without noise: itself alone.
-                weight = free.select(zero, weight);
-            }
-            let sample = there.samples(simd, pixel);
-            for c in 0..3 {
-                sums[c] += weight * sample[c];
-            }
-            let off = luminance(&sample) - pivot;
-            second += weight * off * off;
-            total += weight;
-            squares += weight * weight;
-        }
-        let colours = [sums[0] / total, sums[1] / total, sums[2] / total];
-        let count = free.select(splat(FREE_COUNT), total * total / squares);
-        let mean = luminance(&colours) - pivot;
-        let spread = (second / total - mean * mean).max(zero);
-        let sure = count.simd_gt(splat(LEAST_COUNT));
+        let (zero, one) = (f32x8::splat(simd, 0.0), f32x8::splat(simd, 1.0));
+        let free = load(&self.deviation).simd_lt(zero);
+        let [total, squares] = [load(&self.total), load(&self.squares)];
+        let sums = &self.colours;
+        let colours = [load(&sums[0]) / total, load(&sums[1]) / total, load(&sums[2]) / total];
+        let count = free.select(f32x8::splat(simd, FREE_COUNT), total * total / squares);
+        let mean = luminance(&colours) - load(&self.pivot);
+        let spread = (load(&self.second) / total - mean * mean).max(zero);
+        let sure = count.simd_gt(f32x8::splat(simd, LEAST_COUNT));
         let spread = free.select(zero, sure.select(spread * count / (count - one), zero));
         Means { colours: three(|c| colours[c].into()), spread: spread.into(), count: count.into() }
     }
 }
 
+/// [`Sums`] of a pixel while samples of one frame are added, in registers.
+struct Adding<S: Simd> {
+    simd: S,
+    likeness: Likeness<S>,
+    here: f32x8<S>,
+    /// Squared deviation of the mean here.
+    own: f32x8<S>,
+    free: mask32x8<S>,
+    pivot: f32x8<S>,
+    power: f32x8<S>,
+    known: f32x8<S>,
+    seen: mask32x8<S>,
+    colours: [f32x8<S>; 3],
+    total: f32x8<S>,
+    squares: f32x8<S>,
+    second: f32x8<S>,
+}
+
+impl<S: Simd> Adding<S> {
+    /// Samples of frame `to`, `distance` frames away.
+    #[inline(always)]
+    fn new(simd: S, s: &Gather, lanes: &Lanes<'_>, (to, distance): (usize, usize), sums: &Sums) -> Self {
+        let load = |v: &[f32; LANES]| -> f32x8<S> { (*v).simd_into(simd) };
+        let zero = f32x8::splat(simd, 0.0);
+        let there = &lanes.frames[to];
+        let deviation = load(&sums.deviation);
+        let own = deviation.max(zero);
+        Self {
+            simd,
+            likeness: Likeness::new(simd, s),
+            here: load(&sums.here),
+            own: own * own,
+            free: deviation.simd_lt(zero),
+            pivot: load(&sums.pivot),
+            power: load(&lanes.powers[distance]),
+            known: load(&there.known),
+            seen: load(&lanes.seen).simd_gt(zero),
+            colours: [load(&sums.colours[0]), load(&sums.colours[1]), load(&sums.colours[2])],
+            total: load(&sums.total),
+            squares: load(&sums.squares),
+            second: load(&sums.second),
+        }
+    }
+
+    #[inline(always)]
+    fn add(&mut self, (sample, means): ([f32x8<S>; 3], [f32x8<S>; 2]), weight: f32, alike: f32) {
+        let simd = self.simd;
+        let alike = self.seen.select(f32x8::splat(simd, alike), f32x8::splat(simd, 1.0));
+        let mut weight = self.power * weight * alike * self.known;
+        weight *= self.likeness.of(self.here, self.own, means);
+        // Without noise: itself alone.
+        weight = self.free.select(f32x8::splat(simd, 0.0), weight);
+        for c in 0..3 {
+            self.colours[c] += weight * sample[c];
+        }
+        let off = luminance(&sample) - self.pivot;
+        self.second += weight * off * off;
+        self.total += weight;
+        self.squares += weight * weight;
+    }
+
+    #[inline(always)]
+    fn store(self, sums: &mut Sums) {
+        for c in 0..3 {
+            self.colours[c].store_slice(&mut sums.colours[c]);
+        }
+        self.total.store_slice(&mut sums.total);
+        self.squares.store_slice(&mut sums.squares);
+        self.second.store_slice(&mut sums.second);
+    }
+}
+
 impl There<'_> {
+    /// Red, green and blue of a pixel, and the means around it with their deviations, where those of all planes lie side by side.
+    #[inline(always)]
+    fn side_by_side<S: Simd>(&self, simd: S, first: usize, pixel: usize) -> ([f32x8<S>; 3], [f32x8<S>; 2]) {
+        let (planes, lights, scale) = (self.frame.samples.planes, self.frame.means.lights, self.frame.means.scale);
+        let at = 3 * pixel * planes + first;
+        let light = 2 * pixel * lights + first;
+        let sample = [
+            self.samples.widen(simd, at),
+            self.samples.widen(simd, at + planes),
+            self.samples.widen(simd, at + 2 * planes),
+        ];
+        (sample, [self.light.widen(simd, light) * scale, self.light.widen(simd, light + lights) * scale])
+    }
+
     /// Red, green and blue of a pixel.
     #[inline(always)]
     fn samples<S: Simd>(&self, simd: S, pixel: usize) -> [f32x8<S>; 3] {
-        let samples = &self.frame.samples;
         match self.run {
-            Some(first) => {
-                let at = 3 * pixel * samples.planes + first;
-                three(|c| self.samples.widen(simd, at + c * samples.planes))
-            }
+            Some(first) => self.side_by_side(simd, first, pixel).0,
             None => {
                 let found = self.scattered_samples(pixel);
                 three(|c| found[c].simd_into(simd))
@@ -412,13 +610,8 @@ impl There<'_> {
     /// Means of the light around a pixel, and their deviations.
     #[inline(always)]
     fn means<S: Simd>(&self, simd: S, pixel: usize) -> [f32x8<S>; 2] {
-        let means = &self.frame.means;
         match self.run {
-            Some(first) => {
-                let at = 2 * pixel * means.lights + first;
-                let (mean, deviation) = (self.light.widen(simd, at), self.light.widen(simd, at + means.lights));
-                [mean * means.scale, deviation * means.scale]
-            }
+            Some(first) => self.side_by_side(simd, first, pixel).1,
             None => {
                 let [means, deviations] = self.scattered_means(pixel);
                 [means.simd_into(simd), deviations.simd_into(simd)]

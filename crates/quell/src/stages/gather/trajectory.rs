@@ -2,91 +2,96 @@
 
 use crate::plane::Plane;
 use crate::sequence::settings::Gather;
-use crate::window::{PreparedFrame, SurfacePoint};
+use crate::window::{Features, PreparedFrame, SurfacePoint};
 use fearless_simd::{Simd, f32x8, i32x8, mask32x8, prelude::*};
 
 /// Pixels that are followed at once.
 pub(super) const LANES: usize = 8;
+/// Pixels of a bilinear footprint.
+pub(super) const CORNERS: usize = 4;
 
-/// A pixel of another frame that shows the surface, with its weight.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Tap {
-    /// Place of the frame in the window.
-    pub frame: u32,
-    /// Frames between.
-    pub distance: u32,
-    /// Index of the pixel.
-    pub pixel: u32,
-    /// Share of the pixel, 0..1.
-    pub weight: f32,
+/// The pixels of a frame that show the surfaces of eight pixels, corner by corner of their footprints.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Met {
+    /// Indices of the pixels; 0 where the weight is 0.
+    pub pixels: [[i32; LANES]; CORNERS],
+    /// Share of the pixel, 0..1; 0: it does not show the surface.
+    pub weights: [[f32; LANES]; CORNERS],
 }
 
-/// All taps of the pixels from `first` on, each one itself first. Of pixels that are not `wanted` none; all lie in one row.
-#[inline(always)]
-pub(super) fn taps<S: Simd>(
-    simd: S,
-    (window, centre): (&[&PreparedFrame], usize),
-    first: usize,
-    wanted: [bool; LANES],
-    reflected: bool,
-    gather: &Gather,
-    taps: &mut [Vec<Tap>; LANES],
-) {
-    for (i, taps) in taps.iter_mut().enumerate() {
-        taps.clear();
-        if wanted[i] {
-            taps.push(Tap { frame: centre as u32, distance: 0, pixel: (first + i) as u32, weight: 1.0 });
+/// Two neighbouring frames of a window.
+#[derive(Clone, Copy)]
+pub(super) struct Pair<'a> {
+    pub from: &'a PreparedFrame,
+    pub to: &'a PreparedFrame,
+    pub forward: bool,
+    /// What mirrors show is followed, not their surface.
+    pub reflected: bool,
+}
+
+/// The way of the surfaces of eight pixels through the frames of a window, frame by frame.
+pub(super) struct Way<S: Simd> {
+    origin: [f32x8<S>; 2],
+    at: [f32x8<S>; 2],
+    alive: mask32x8<S>,
+    /// Nearest pixels of the frame that was reached.
+    nearest: [i32; LANES],
+    tracked: Points<S>,
+}
+
+impl<S: Simd> Way<S> {
+    /// Of the pixels from `first` on that are `wanted`; all lie in one row.
+    #[inline(always)]
+    pub(super) fn new(simd: S, here: &Features, first: usize, wanted: &[bool; LANES]) -> Self {
+        let w = here.size.width;
+        let (mut nearest, mut columns, mut alive) = ([0i32; LANES], [0.0f32; LANES], [0.0f32; LANES]);
+        for i in 0..LANES {
+            if wanted[i] {
+                nearest[i] = (first + i) as i32;
+                columns[i] = (first % w + i) as f32;
+                alive[i] = 1.0;
+            }
         }
+        let row = f32x8::splat(simd, (here.first_row + first / w) as f32);
+        let origin: [f32x8<S>; 2] = [columns.simd_into(simd), row];
+        let alive: f32x8<S> = alive.simd_into(simd);
+        let alive = alive.simd_gt(f32x8::splat(simd, 0.0));
+        Self { origin, at: origin, alive, nearest, tracked: Points::load(simd, &here.surface, &nearest) }
     }
-    follow(simd, (window, centre), first, wanted, (false, reflected), gather, taps);
-    if gather.future {
-        follow(simd, (window, centre), first, wanted, (true, reflected), gather, taps);
-    }
-}
 
-#[inline(always)]
-fn follow<S: Simd>(
-    simd: S,
-    (window, centre): (&[&PreparedFrame], usize),
-    first: usize,
-    wanted: [bool; LANES],
-    (forward, reflected): (bool, bool),
-    gather: &Gather,
-    taps: &mut [Vec<Tap>; LANES],
-) {
-    let splat = |v: f32| f32x8::splat(simd, v);
-    let int = |v: usize| i32x8::splat(simd, v as i32);
-    let zero = splat(0.0);
-    let here = &window[centre].features;
-    // A band counts rows as the whole picture does: sums of floats are the same.
-    let (w, h) = (here.size.width, here.picture_height);
-    let farthest = splat(gather.travel * h as f32);
-    let steps = if forward { window.len() - 1 - centre } else { centre }.min(gather.frames as usize);
-    let (mut nearest, mut columns, mut alive) = ([0i32; LANES], [0.0f32; LANES], [0.0f32; LANES]);
-    for i in (0..LANES).filter(|i| wanted[*i]) {
-        nearest[i] = (first + i) as i32;
-        columns[i] = (first % w + i) as f32;
-        alive[i] = 1.0;
+    /// True where some of the pixels are still followed.
+    #[inline(always)]
+    pub(super) fn goes_on(&self) -> bool {
+        self.alive.any_true()
     }
-    let origin: [f32x8<S>; 2] = [columns.simd_into(simd), splat((here.first_row + first / w) as f32)];
-    let alive: f32x8<S> = alive.simd_into(simd);
-    let mut alive = alive.simd_gt(zero);
-    let mut at = origin;
-    let mut tracked = Points::load(simd, &here.surface, &nearest);
-    for k in 1..=steps {
-        let (from, to) = if forward { (centre + k - 1, centre + k) } else { (centre + 1 - k, centre - k) };
-        let (from, member) = (window[from], window[to]);
-        let Some(motion) = from.features.motion.get(forward, reflected) else { return };
-        let m = pairs(simd, motion, &nearest);
-        at = [at[0] + m[0], at[1] + m[1]];
+
+    /// One frame further; the pixels there that show the surfaces.
+    #[inline(always)]
+    pub(super) fn step(&mut self, simd: S, pair: Pair<'_>, gather: &Gather, met: &mut Met) {
+        let splat = |v: f32| f32x8::splat(simd, v);
+        let int = |v: usize| i32x8::splat(simd, v as i32);
+        let zero = splat(0.0);
+        *met = Met::default();
+        let Pair { from, to: member, forward, reflected } = pair;
+        let (origin, tracked) = (&self.origin, &self.tracked);
+        // A band counts rows as the whole picture does: sums of floats are the same.
+        let (w, h) = (from.features.size.width, from.features.picture_height);
+        let farthest = splat(gather.travel * h as f32);
+        let Some(motion) = from.features.motion.get(forward, reflected) else {
+            self.alive = zero.simd_lt(zero);
+            return;
+        };
+        let m = pairs(simd, motion, &self.nearest);
+        let at = [self.at[0] + m[0], self.at[1] + m[1]];
         // NaN fails too: unknown motion ends the trajectory.
-        alive = alive
+        let alive = self.alive
             & at[0].simd_gt(splat(-0.5))
             & at[1].simd_gt(splat(-0.5))
             & at[0].simd_lt(splat(w as f32 - 0.5))
             & at[1].simd_lt(splat(h as f32 - 0.5))
             & !(at[1] - origin[1]).abs().simd_gt(farthest);
         if !alive.any_true() {
+            self.alive = alive;
             return;
         }
         let mut counts = alive;
@@ -107,7 +112,10 @@ fn follow<S: Simd>(
         let (ux, uy) = (splat(1.0) - tx, splat(1.0) - ty);
         let (left, top) = (corner[0].to_int::<i32x8<S>>(), corner[1].to_int::<i32x8<S>>());
         let (mut best, mut place) = (zero, int(0));
-        for (dx, dy, share) in [(0, 0, ux * uy), (1, 0, tx * uy), (0, 1, ux * ty), (1, 1, tx * ty)] {
+        // The surfaces of the best pixels so far.
+        let mut now = Points::none(simd);
+        let corners = [(0, 0, ux * uy), (1, 0, tx * uy), (0, 1, ux * ty), (1, 1, tx * ty)];
+        for (c, (dx, dy, share)) in corners.into_iter().enumerate() {
             let (x, row) = (left + int(dx), top + int(dy) - int(member.features.first_row));
             let valid = alive
                 & share.simd_ge(splat(gather.least_share))
@@ -121,29 +129,22 @@ fn follow<S: Simd>(
             let q = valid.select(row * int(w) + x, int(0));
             let places: [i32; LANES] = q.into();
             let there = Points::load(simd, &member.features.surface, &places);
-            let (same, trust) = step.same_surface(simd, &there, &tracked, &places, gather);
+            let (same, trust) = step.same_surface(simd, &there, tracked, &places, gather);
             let same = valid & same;
             let better = same & share.simd_gt(best);
             best = better.select(share, best);
             place = better.select(q, place);
-            let weights: [f32; LANES] = (same & counts).select(share * trust, zero).into();
-            for i in 0..LANES {
-                if weights[i] != 0.0 {
-                    let (frame, distance) = (to as u32, k as u32);
-                    taps[i].push(Tap { frame, distance, pixel: places[i] as u32, weight: weights[i] });
-                }
-            }
+            now = now.unless(!better, &there);
+            met.pixels[c] = places;
+            met.weights[c] = (same & counts).select(share * trust, zero).into();
         }
-        alive &= best.simd_gt(zero);
-        if !alive.any_true() {
-            return;
-        }
-        nearest = place.into();
-        let now = Points::load(simd, &member.features.surface, &nearest);
+        self.at = at;
+        self.alive = alive & best.simd_gt(zero);
+        self.nearest = place.into();
         // A surface that moves carries its reference along; one that stands keeps the first, so that errors do not add.
         let stands =
-            step.pixel_size.simd_gt(zero) & now.off_plane(&tracked).simd_lt(step.pixel_size * gather.plane_distance);
-        tracked = tracked.unless(stands, &now);
+            step.pixel_size.simd_gt(zero) & now.off_plane(tracked).simd_lt(step.pixel_size * gather.plane_distance);
+        self.tracked = tracked.unless(stands, &now);
     }
 }
 
@@ -155,6 +156,12 @@ struct Points<S: Simd> {
 }
 
 impl<S: Simd> Points<S> {
+    #[inline(always)]
+    fn none(simd: S) -> Self {
+        let zero = f32x8::splat(simd, 0.0);
+        Self { inverse_depth: zero, normal: [zero; 3], position: [zero; 3] }
+    }
+
     #[inline(always)]
     fn load(simd: S, surface: &[SurfacePoint], places: &[i32; LANES]) -> Self {
         let mut v = [[0.0f32; LANES]; 7];

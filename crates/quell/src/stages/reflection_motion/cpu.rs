@@ -211,9 +211,10 @@ impl Pair<'_> {
         self.here.share[p] >= self.s.least_share && self.here.population[p] as usize >= self.s.least_patch as usize
     }
 
-    /// Mean difference of the patches round (x, y) here and round (x, y) + `offset` there, and the cost of departing.
+    /// Mean difference of the patches round (x, y) here and round (x, y) + `offset` there, and the cost of departing. From `enough` on
+    /// it is not summed up to the end: what is added is never below 0.
     #[inline(always)]
-    fn cost<S: Simd>(&self, simd: S, (x, y): (i32, i32), offset: [i32; 2]) -> f32 {
+    fn cost<S: Simd>(&self, simd: S, (x, y): (i32, i32), offset: [i32; 2], enough: f32) -> f32 {
         let here = self.here;
         let Some(p) = here.at(x, y).filter(|&p| here.population[p] > 0) else { return f32::MAX };
         let patch = self.s.patch as i32;
@@ -221,18 +222,27 @@ impl Pair<'_> {
         let (from, width) = (x - patch, (2 * patch as usize + 1).next_multiple_of(LANES) as i32);
         let inside = |from: i32, level: &Level| from >= 0 && from + width <= level.size.width as i32;
         let rows = y + offset[1] >= patch && y + offset[1] + patch < self.there.size.height as i32;
-        let sum = if rows && inside(from, here) && inside(from + offset[0], self.there) {
-            self.difference::<false, _>(simd, (x, y), offset)
-        } else {
-            self.difference::<true, _>(simd, (x, y), offset)
-        };
         let departure = [offset[0] as f32 - self.surface[p][0], offset[1] as f32 - self.surface[p][1]];
-        sum / here.population[p] as f32 + self.s.departure * (departure[0] * departure[0] + departure[1] * departure[1])
+        let departure = self.s.departure * (departure[0] * departure[0] + departure[1] * departure[1]);
+        let cost = |sum: f32| sum / here.population[p] as f32 + departure;
+        let is_enough = |sum: f32| cost(sum) >= enough;
+        let sum = if rows && inside(from, here) && inside(from + offset[0], self.there) {
+            self.difference::<false, _>(simd, (x, y), offset, is_enough)
+        } else {
+            self.difference::<true, _>(simd, (x, y), offset, is_enough)
+        };
+        cost(sum)
     }
 
-    /// Sum of the differences of these patches.
+    /// Sum of the differences of these patches; of their first rows, where that is enough.
     #[inline(always)]
-    fn difference<const EDGE: bool, S: Simd>(&self, simd: S, (x, y): (i32, i32), offset: [i32; 2]) -> f32 {
+    fn difference<const EDGE: bool, S: Simd>(
+        &self,
+        simd: S,
+        (x, y): (i32, i32),
+        offset: [i32; 2],
+        is_enough: impl Fn(f32) -> bool,
+    ) -> f32 {
         let Reflections { least_share, most_difference, .. } = *self.s;
         let (here, there) = (self.here, self.there);
         let patch = self.s.patch as i32;
@@ -260,6 +270,9 @@ impl Pair<'_> {
                 }
                 column += LANES as i32;
             }
+            if is_enough(sum) {
+                break;
+            }
         }
         sum
     }
@@ -268,6 +281,8 @@ impl Pair<'_> {
     #[inline(always)]
     fn best_of_row<S: Simd>(&self, simd: S, y: usize, coarse: &[[i32; 2]], above: Size, out: &mut [[i32; 2]]) {
         let mut offsets: Vec<[i32; 2]> = Vec::new();
+        // An offset that lost loses again: the least cost only falls, its factors are at most 1.
+        let mut tried: Vec<[i32; 2]> = Vec::new();
         for (x, out) in out.iter_mut().enumerate() {
             let p = y * self.here.size.width + x;
             let start = self.surface[p].map(|m| m.round() as i32);
@@ -277,6 +292,7 @@ impl Pair<'_> {
             }
             // Two rounds: of what may be, then of what is beside the best. A round of its own for the surface's motion.
             let mut best = (0.0, start);
+            tried.clear();
             for round in 0..3 {
                 offsets.clear();
                 match (round, coarse.is_empty()) {
@@ -297,7 +313,14 @@ impl Pair<'_> {
                     }
                 }
                 for offset in &offsets {
-                    let cost = self.cost(simd, (x as i32, y as i32), *offset);
+                    if !coarse.is_empty() {
+                        if tried.contains(offset) {
+                            continue;
+                        }
+                        tried.push(*offset);
+                    }
+                    let enough = if round == 0 { f32::INFINITY } else { best.0 };
+                    let cost = self.cost(simd, (x as i32, y as i32), *offset, enough);
                     if round == 0 {
                         best.0 = self.s.surface_bonus * cost;
                     } else if cost < best.0 {
@@ -318,16 +341,17 @@ impl Pair<'_> {
             if !self.is_matched(p) {
                 return found[p];
             }
-            let mut around = [Vec::new(), Vec::new()];
-            for q in (-1..=1).flat_map(|dy| (-1..=1).filter_map(move |dx| self.here.at(x + dx, y + dy))) {
+            let (mut around, mut n) = ([[0; 9]; 2], 0);
+            for (dx, dy) in (-1..=1).flat_map(|dy| (-1..=1).map(move |dx| (dx, dy))) {
+                let Some(q) = self.here.at(x + dx, y + dy) else { continue };
                 if self.here.share[q] >= self.s.least_share {
-                    around[0].push(found[q][0]);
-                    around[1].push(found[q][1]);
+                    (around[0][n], around[1][n]) = (found[q][0], found[q][1]);
+                    n += 1;
                 }
             }
             around.map(|mut v| {
-                v.sort_unstable();
-                v[v.len() / 2]
+                v[..n].sort_unstable();
+                v[n / 2]
             })
         };
         par::plane(size, median).into_vec()
@@ -348,7 +372,7 @@ impl Pair<'_> {
             let best = found[p];
             let mut costs = [0.0; 5];
             for (cost, [dx, dy]) in costs.iter_mut().zip([[0, 0], [-1, 0], [1, 0], [0, -1], [0, 1]]) {
-                *cost = self.cost(simd, (x as i32, y as i32), [best[0] + dx, best[1] + dy]);
+                *cost = self.cost(simd, (x as i32, y as i32), [best[0] + dx, best[1] + dy], f32::INFINITY);
             }
             for c in 0..2 {
                 let [middle, before, after] = [costs[0], costs[1 + 2 * c], costs[2 + 2 * c]];

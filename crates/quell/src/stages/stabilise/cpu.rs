@@ -128,23 +128,24 @@ impl<'a> Track<'a> {
     pub(super) fn step(&mut self, from: &Features, to: &Features, forward: bool) -> Option<f32> {
         // What a mirror or a glass shows has its own motion; where that is unsure, the surface's counts, unless both
         // differ.
-        let along = |reflected: bool| {
-            step(from, to, forward, reflected, self.at, &self.front, self.settings)
-                .filter(|(at, _)| (at.1 - self.origin.1).abs() <= self.farthest)
-        };
         let mut tolerance = self.settings.seen_albedo;
-        let step = match along(self.mirror) {
-            None if self.mirror && departs(from, forward, self.front.pixel) <= self.settings.departure => {
-                tolerance = self.settings.surface_seen_albedo;
-                along(false)
-            }
-            step => step,
-        };
-        (self.at, self.front) = step?;
+        let mut next = self.along(from, to, forward, self.mirror);
+        if next.is_none() && self.mirror && departs(from, forward, self.front.pixel) <= self.settings.departure {
+            tolerance = self.settings.surface_seen_albedo;
+            next = self.along(from, to, forward, false);
+        }
+        (self.at, self.front) = next?;
         let row = to.row_here(self.at.1.round() as isize)?;
         let q = row * self.here.size.width + self.at.0.round() as usize;
         let unlike = if self.mirror { seen_difference(self.here, self.pixel, to, q) } else { 0.0 };
         Some(weight(unlike / (2.0 * tolerance * tolerance)))
+    }
+
+    /// Where it lies one frame further by the motion of surfaces, or of what mirrors show.
+    #[inline(always)]
+    fn along(&self, from: &Features, to: &Features, forward: bool, reflected: bool) -> Option<((f32, f32), Front)> {
+        let next = step(from, to, forward, reflected, self.at, &self.front, self.settings)?;
+        if (next.0.1 - self.origin.1).abs() <= self.farthest { Some(next) } else { None }
     }
 }
 

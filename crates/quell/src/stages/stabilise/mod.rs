@@ -147,12 +147,20 @@ pub(crate) struct Bandwidths {
 #[inline(always)]
 pub(crate) fn bandwidths((pooled, inverse): &(Pooled, f32)) -> Bandwidths {
     let inputs = pooled.inputs();
-    let z = weights::NET.run(&READ.map(|k| inputs[k])).map(|z| exp2(z.clamp(-MOST, MOST)));
+    // Loops, not `map`, which is compiled apart for narrow vectors.
+    let mut read = [0.0; READ.len()];
+    for (read, k) in read.iter_mut().zip(READ) {
+        *read = inputs[k];
+    }
+    let mut z = weights::NET.run(&read);
+    for z in &mut z {
+        *z = exp2(z.clamp(-MOST, MOST));
+    }
     let deviation = |relative: f32| inverse * inverse / (relative + LEAST_DEVIATION);
     let (fine, noise) = (deviation(pooled.detail[1]), deviation(pooled.noise(1)));
-    let signature = [0, 1].map(|group: usize| {
+    let mut signature = [[0.0; SIGNATURE]; 2];
+    for (group, scale) in signature.iter_mut().enumerate() {
         let z = &z[group * (PARTS + 1)..];
-        let mut scale = [0.0; SIGNATURE];
         for (i, scale) in scale.iter_mut().enumerate() {
             let part = i / 3;
             *scale = z[part]
@@ -164,8 +172,7 @@ pub(crate) fn bandwidths((pooled, inverse): &(Pooled, f32)) -> Bandwidths {
                     1.0
                 };
         }
-        scale
-    });
+    }
     Bandwidths { signature, offset: [z[PARTS], z[2 * PARTS + 1]], away: z[2 * PARTS + 2] }
 }
 

@@ -1,7 +1,7 @@
 //! The variance of every light's mean, sixteen pixels of a row at once through all taps.
 
 use crate::kernels::guide_distance_cpu::{Distances, Guides, inside, three_rows, weight};
-use crate::kernels::lanes::{BLOCK, load, store};
+use crate::kernels::lanes::{BLOCK, store};
 use crate::kernels::math::LUMINANCE;
 use crate::plane::Plane;
 use crate::sequence::settings::{Variance, Wavelet};
@@ -64,8 +64,8 @@ fn moments<const EDGE: bool, S: Simd>(simd: S, gathered: &Gathered, distances: &
         let (mut first, mut second) = (zero, zero);
         for (tap, distance) in distances.of(Class::of(slot.kind)) {
             let weight = inside::<EDGE, _>(tap, w, weight(f32x16::from_slice(simd, distance)));
-            let spread = load::<EDGE, _>(simd, gathered.moments.row(tap.row, 2 * l), tap.at);
-            let count = load::<EDGE, _>(simd, gathered.moments.row(tap.row, 2 * l + 1), tap.at);
+            let spread = tap.of::<EDGE, _>(simd, &gathered.moments, 2 * l);
+            let count = tap.of::<EDGE, _>(simd, &gathered.moments, 2 * l + 1);
             let [r, g, b] = three_rows::<EDGE, _>(simd, &gathered.colours, tap, 3 * slot.first);
             let freedom = weight * (count - 1.0).max_precise(zero);
             let mean = r * LUMINANCE[0] + g * LUMINANCE[1] + b * LUMINANCE[2];

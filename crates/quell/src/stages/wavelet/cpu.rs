@@ -57,7 +57,7 @@ fn means<const EDGE: bool, S: Simd>(
             let [r, g, b] = three_rows::<EDGE, _>(simd, colours, tap, 3 * slot.first);
             total += weight;
             mean += weight * (r * LUMINANCE[0] + g * LUMINANCE[1] + b * LUMINANCE[2]);
-            spread += weight * weight * load::<EDGE, _>(simd, variance.row(tap.row, l), tap.at);
+            spread += weight * weight * tap.of::<EDGE, _>(simd, variance, l);
         }
         store(mean / total, &mut out[2 * l * w..][..w], x);
         store(spread / (total * total), &mut out[(2 * l + 1) * w..][..w], x);
@@ -163,13 +163,13 @@ impl Level<'_> {
             let weight = if tap.is_centre() {
                 f32x16::splat(simd, share)
             } else {
-                let d = mp - load::<EDGE, _>(simd, compared.row(tap.row, 2 * l), tap.at);
-                let v = vp + load::<EDGE, _>(simd, compared.row(tap.row, 2 * l + 1), tap.at).min_precise(most);
+                let d = mp - tap.of::<EDGE, _>(simd, compared, 2 * l);
+                let v = vp + tap.of::<EDGE, _>(simd, compared, 2 * l + 1).min_precise(most);
                 let stop = (d * d - v).max_precise(zero) / (squared * v + contrast + LEAST_VARIANCE);
                 inside::<EDGE, _>(tap, w, weight(f32x16::from_slice(simd, distance) + stop) * share)
             };
             total += weight;
-            sum += weight * weight * load::<EDGE, _>(simd, variance.row(tap.row, l), tap.at);
+            sum += weight * weight * tap.of::<EDGE, _>(simd, variance, l);
             weight.store_slice(found);
         }
         let scale = 1.0 / total;

@@ -1,7 +1,7 @@
 //! Means of the light, sixteen pixels of a row at once through all taps: the fast twin of [`super::reference`].
 
 use super::{Asked, FREE, LEAST, MOST, RADIUS, SECOND_DIFFERENCE, STEPS, STRONGEST, WINDOW};
-use crate::kernels::lanes::{BLOCK, inside, load, load_halves, store, whole};
+use crate::kernels::lanes::{BLOCK, inside, load, load_halves, load_row, store, whole};
 use crate::kernels::math::luminance;
 use crate::par;
 use crate::sequence::settings::Gather;
@@ -84,16 +84,15 @@ struct Points<S: Simd> {
 impl<S: Simd> Points<S> {
     #[inline(always)]
     fn load<const EDGE: bool>(simd: S, surface: &Surface, w: usize, y: usize, at: isize) -> Self {
-        let row = y * w..(y + 1) * w;
         let [nx, ny, nz] = &surface.normal;
         Self {
-            inverse_depth: load::<EDGE, _>(simd, &surface.inverse_depth[row.clone()], at),
+            inverse_depth: load_row::<EDGE, _>(simd, &surface.inverse_depth, y * w, w, at),
             normal: [
-                load::<EDGE, _>(simd, &nx[row.clone()], at),
-                load::<EDGE, _>(simd, &ny[row.clone()], at),
-                load::<EDGE, _>(simd, &nz[row.clone()], at),
+                load_row::<EDGE, _>(simd, nx, y * w, w, at),
+                load_row::<EDGE, _>(simd, ny, y * w, w, at),
+                load_row::<EDGE, _>(simd, nz, y * w, w, at),
             ],
-            mirror: load::<EDGE, _>(simd, &surface.mirror[row], at),
+            mirror: load_row::<EDGE, _>(simd, &surface.mirror, y * w, w, at),
         }
     }
 
