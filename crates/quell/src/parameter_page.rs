@@ -2,7 +2,7 @@
 
 use crate::parameter::Parameter;
 use crate::sequence::{SEQUENCE_PARAMETERS, SequenceSettings};
-use crate::settings::{PARAMETERS, Settings};
+use crate::settings::{PARAMETERS, Preset, Settings};
 use std::fmt::Write as _;
 
 /// The reference page of all parameters, as `docs/parameters.md` holds it.
@@ -14,12 +14,29 @@ pub fn parameters_markdown() -> String {
          [E] the authors' engine, [I] inferred, [O] open, a choice of ours (`docs/paper.md`).\n",
     );
     add_table(&mut page, PARAMETERS, &Settings::default());
+    add_preset(&mut page, Preset::Quality);
     page.push_str(
         "\n# Parameters of the sequence filter\n\nPreset `sequence`, of `quell denoise` (`docs/sequence.md`). Radii in pixels are \
          meant as they stand.\n",
     );
     add_table(&mut page, SEQUENCE_PARAMETERS, &SequenceSettings::default());
     page
+}
+
+/// What a preset changes.
+fn add_preset(page: &mut String, preset: Preset) {
+    let settings = Settings::preset(preset);
+    let _ = write!(
+        page,
+        "\n## Preset {0}\n\nWhat it changes (`docs/{0}.md`).\n\n| parameter | `paper` | `{0}` |\n|---|---|---|\n",
+        preset.name()
+    );
+    for p in PARAMETERS {
+        let (default, value) = ((p.get)(&Settings::default()), (p.get)(&settings));
+        if value != default {
+            let _ = writeln!(page, "| `{}` | {default} | {value} |", p.name);
+        }
+    }
 }
 
 fn add_table<S>(page: &mut String, parameters: &[Parameter<S>], defaults: &S) {

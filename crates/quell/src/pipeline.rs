@@ -7,7 +7,7 @@ use crate::settings::{Feedback, FireflyInput, Settings};
 use crate::stages::glossy_bilateral::Axis;
 use crate::stages::{
     composite, direct_taa, disocclusion, firefly, glossy_bilateral, glossy_temporal, matte_bilateral, matte_prefilter,
-    matte_temporal,
+    matte_temporal, young_filter,
 };
 
 /// One stage of the pipeline.
@@ -15,6 +15,12 @@ use crate::stages::{
 pub enum Stage {
     /// Stage 3.
     MatteTemporal,
+    /// Level 0 of the filter of young history, matte signal; no stage of the paper.
+    MatteYoung1,
+    /// Its level 1, of taps 3 pixels apart.
+    MatteYoung3,
+    /// Its level 2, of taps 9 pixels apart.
+    MatteYoung9,
     /// Stage 4.
     MattePrefilter,
     /// Stage 5.
@@ -25,6 +31,12 @@ pub enum Stage {
     MatteBilateral,
     /// Stage 8.
     GlossyTemporal,
+    /// Level 0 of the filter of young history, glossy signal; no stage of the paper.
+    GlossyYoung1,
+    /// Its level 1, of taps 3 pixels apart.
+    GlossyYoung3,
+    /// Its level 2, of taps 9 pixels apart.
+    GlossyYoung9,
     /// Stage 9.
     GlossyHorizontal,
     /// Stage 10.
@@ -37,28 +49,40 @@ pub enum Stage {
 
 impl Stage {
     /// All stages in the order of the paper.
-    pub const ALL: [Self; 10] = [
+    pub const ALL: [Self; 16] = [
         Self::MatteTemporal,
+        Self::MatteYoung1,
+        Self::MatteYoung3,
+        Self::MatteYoung9,
         Self::MattePrefilter,
         Self::Disocclusion,
         Self::Firefly,
         Self::MatteBilateral,
         Self::GlossyTemporal,
+        Self::GlossyYoung1,
+        Self::GlossyYoung3,
+        Self::GlossyYoung9,
         Self::GlossyHorizontal,
         Self::GlossyVertical,
         Self::DirectTaa,
         Self::Composite,
     ];
 
-    /// The folder's name (the two glossy passes share one).
+    /// The folder's name (the two glossy passes share one, as do the levels of `young_filter`).
     pub const fn name(self) -> &'static str {
         match self {
             Self::MatteTemporal => "matte_temporal",
+            Self::MatteYoung1 => "matte_young_1",
+            Self::MatteYoung3 => "matte_young_3",
+            Self::MatteYoung9 => "matte_young_9",
             Self::MattePrefilter => "matte_prefilter",
             Self::Disocclusion => "disocclusion",
             Self::Firefly => "firefly",
             Self::MatteBilateral => "matte_bilateral",
             Self::GlossyTemporal => "glossy_temporal",
+            Self::GlossyYoung1 => "glossy_young_1",
+            Self::GlossyYoung3 => "glossy_young_3",
+            Self::GlossyYoung9 => "glossy_young_9",
             Self::GlossyHorizontal => "glossy_bilateral_h",
             Self::GlossyVertical => "glossy_bilateral_v",
             Self::DirectTaa => "direct_taa",
@@ -66,10 +90,16 @@ impl Stage {
         }
     }
 
-    /// The name and number that the paper's talk gives it.
+    /// The name and number that the paper's talk gives it; those of our own have no number.
     pub const fn paper_stage(self) -> &'static str {
         match self {
             Self::MatteTemporal => "3 Matte Temporal",
+            Self::MatteYoung1 => "Young Matte, 1 px",
+            Self::MatteYoung3 => "Young Matte, 3 px",
+            Self::MatteYoung9 => "Young Matte, 9 px",
+            Self::GlossyYoung1 => "Young Glossy, 1 px",
+            Self::GlossyYoung3 => "Young Glossy, 3 px",
+            Self::GlossyYoung9 => "Young Glossy, 9 px",
             Self::MattePrefilter => "4 Matte Pre-Bilateral",
             Self::Disocclusion => "5 Disocclusion Detection",
             Self::Firefly => "6 Firefly Suppression",
@@ -86,6 +116,9 @@ impl Stage {
     pub fn reach(self, s: &Settings, rows: usize) -> Reach {
         match self {
             Self::MatteTemporal => matte_temporal::reach(&s.matte_temporal),
+            Self::MatteYoung1 | Self::GlossyYoung1 => young_filter::reach(0),
+            Self::MatteYoung3 | Self::GlossyYoung3 => young_filter::reach(1),
+            Self::MatteYoung9 | Self::GlossyYoung9 => young_filter::reach(2),
             Self::MattePrefilter => matte_prefilter::reach(&s.matte_prefilter, rows),
             Self::Disocclusion => disocclusion::reach(&s.disocclusion),
             Self::Firefly => firefly::reach(),
@@ -109,7 +142,27 @@ impl Stage {
             Self::GlossyTemporal => Some(0.23),
             Self::GlossyHorizontal => Some(0.34),
             Self::GlossyVertical => Some(0.43),
-            Self::DirectTaa | Self::Composite => None,
+            Self::MatteYoung1
+            | Self::MatteYoung3
+            | Self::MatteYoung9
+            | Self::GlossyYoung1
+            | Self::GlossyYoung3
+            | Self::GlossyYoung9
+            | Self::DirectTaa
+            | Self::Composite => None,
+        }
+    }
+
+    /// The signal and the level of a stage of `young_filter`.
+    pub(crate) const fn young_level(self) -> Option<(Signal, u32)> {
+        match self {
+            Self::MatteYoung1 => Some((Signal::Matte, 0)),
+            Self::MatteYoung3 => Some((Signal::Matte, 1)),
+            Self::MatteYoung9 => Some((Signal::Matte, 2)),
+            Self::GlossyYoung1 => Some((Signal::Glossy, 0)),
+            Self::GlossyYoung3 => Some((Signal::Glossy, 1)),
+            Self::GlossyYoung9 => Some((Signal::Glossy, 2)),
+            _ => None,
         }
     }
 }
@@ -125,6 +178,9 @@ pub enum Image {
     MatteHistory,
     MatteTemporal,
     MatteConfidence,
+    MatteYoung1,
+    MatteYoung3,
+    MatteYoung9,
     MattePrefiltered,
     MatteBlended,
     MatteFloored,
@@ -134,6 +190,9 @@ pub enum Image {
     GlossyHistory,
     GlossyTemporal,
     GlossyConfidence,
+    GlossyYoung1,
+    GlossyYoung3,
+    GlossyYoung9,
     GlossyHorizontal,
     GlossyFiltered,
     DirectInput,
@@ -153,6 +212,9 @@ impl Image {
             Self::MatteHistory => "matte history",
             Self::MatteTemporal => "matte temporal",
             Self::MatteConfidence => "matte confidence, length",
+            Self::MatteYoung1 => "matte young 1",
+            Self::MatteYoung3 => "matte young 3",
+            Self::MatteYoung9 => "matte young 9",
             Self::MattePrefiltered => "matte prefiltered",
             Self::MatteBlended => "matte blended",
             Self::MatteFloored => "matte blended with floor",
@@ -162,6 +224,9 @@ impl Image {
             Self::GlossyHistory => "glossy history",
             Self::GlossyTemporal => "glossy temporal",
             Self::GlossyConfidence => "glossy confidence, length",
+            Self::GlossyYoung1 => "glossy young 1",
+            Self::GlossyYoung3 => "glossy young 3",
+            Self::GlossyYoung9 => "glossy young 9",
             Self::GlossyHorizontal => "glossy horizontal",
             Self::GlossyFiltered => "glossy filtered",
             Self::DirectInput => "direct input",
@@ -257,6 +322,26 @@ impl Steps {
     }
 }
 
+/// The levels of `young_filter` and what they write, finest first.
+type YoungLevels = [(Stage, Image); young_filter::LEVELS];
+const MATTE_YOUNG: YoungLevels = [
+    (Stage::MatteYoung1, Image::MatteYoung1),
+    (Stage::MatteYoung3, Image::MatteYoung3),
+    (Stage::MatteYoung9, Image::MatteYoung9),
+];
+const GLOSSY_YOUNG: YoungLevels = [
+    (Stage::GlossyYoung1, Image::GlossyYoung1),
+    (Stage::GlossyYoung3, Image::GlossyYoung3),
+    (Stage::GlossyYoung9, Image::GlossyYoung9),
+];
+
+/// The levels that a history of one frame needs; the last one's output.
+fn young_steps(steps: &mut Steps, settings: &Settings, input: Image, levels: &YoungLevels, length: Image) -> Image {
+    let ends = young_filter::ends(&settings.young_filter);
+    let acting = levels.iter().zip(ends).filter(|(_, end)| *end > 1.0);
+    acting.fold(input, |input, (&(stage, output), _)| steps.add(stage, input, output, &[length, Image::Guides], &[]))
+}
+
 /// Stages 3 to 7; the image that is shown, and the one that is the next frame's history.
 fn matte_steps(steps: &mut Steps, settings: &Settings) -> (Image, Option<Image>) {
     let temporal = settings.matte_temporal.enabled;
@@ -270,6 +355,13 @@ fn matte_steps(steps: &mut Steps, settings: &Settings) -> (Image, Option<Image>)
         )
     } else {
         Image::MatteInput
+    };
+    // As the next frame's history it stays as it is; every other stage sees the filtered one.
+    let unfiltered = accumulated;
+    let accumulated = if temporal && settings.young_filter.matte {
+        young_steps(steps, settings, accumulated, &MATTE_YOUNG, Image::MatteConfidence)
+    } else {
+        accumulated
     };
     // Work that nobody reads is left out.
     let prefilter_is_read =
@@ -311,7 +403,7 @@ fn matte_steps(steps: &mut Steps, settings: &Settings) -> (Image, Option<Image>)
         median
     };
     let feedback = match settings.pipeline.feedback {
-        Feedback::Temporal => accumulated,
+        Feedback::Temporal => unfiltered,
         Feedback::Prefilter => prefiltered,
         Feedback::Blend => floored,
         Feedback::Firefly => median,
@@ -327,6 +419,9 @@ fn glossy_steps(steps: &mut Steps, settings: &Settings) -> (Image, Option<Image>
         let reads = [Image::GlossyHistory, Image::Guides, Image::PreviousGuides];
         output = steps.add(Stage::GlossyTemporal, output, Image::GlossyTemporal, &reads, &[Image::GlossyConfidence]);
         feedback = Some(output);
+        if settings.young_filter.glossy {
+            output = young_steps(steps, settings, output, &GLOSSY_YOUNG, Image::GlossyConfidence);
+        }
     }
     if settings.glossy_bilateral.enabled {
         output = steps.add(Stage::GlossyHorizontal, output, Image::GlossyHorizontal, &[Image::Guides], &[]);

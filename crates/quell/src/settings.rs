@@ -17,16 +17,19 @@ pub const REFERENCE_ROWS: f32 = 720.0;
 pub enum Preset {
     /// The algorithm of 2017 as far as known; departures in `docs/paper.md`.
     Paper,
+    /// Ours, on the paper's backbone: light of few frames is filtered in space by the history's length. `docs/quality.md`.
+    Quality,
 }
 
 impl Preset {
     /// All presets.
-    pub const ALL: [Self; 1] = [Self::Paper];
+    pub const ALL: [Self; 2] = [Self::Paper, Self::Quality];
 
     /// The name on the command line.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Paper => "paper",
+            Self::Quality => "quality",
         }
     }
 }
@@ -182,6 +185,26 @@ parameters! {
         clip_gamma: f32 = 1.5, 0.0..=16.0, "standard deviations", "Width of the clamp where `clip` is `sigma`.",
             higher "Looser clamp.", lower "Tighter clamp.", source "[O]";
     }
+    /// Levels of filters in space where history is short: between stages 3 and 4, and between 8 and 9. Not in the paper.
+    young_filter: YoungFilter {
+        matte: bool = false, (), "", "Filters the matte signal after stage 3.",
+            higher "First frames and what was uncovered are smooth.", lower "They are noisy.",
+            source "ours: `docs/quality.md`";
+        glossy: bool = false, (), "", "Filters the glossy signal after stage 8.",
+            higher "Reflections are smooth, and blurred, at first.", lower "They are noisy at first.",
+            source "ours: `docs/quality.md`";
+        frames: f32 = 32.0, 1.0..=256.0, "frames", "History length at which the finest level has faded out.",
+            higher "Smoother and flatter for longer.", lower "Sharper and noisier earlier.",
+            source "ours; SVGF (Schied et al. 2017) filters in space below 4 frames";
+        falloff: f32 = 0.5, 0.01..=1.0, "of the level before's frames", "When the levels of 3 and 9 pixels fade out.",
+            higher "Wider for longer.", lower "Narrower earlier.", source "ours: `docs/quality.md`";
+        lobe: f32 = 1.0, 0.0..=64.0, "of the lobe's footprint", "Glossy only: a level fades out where its taps lie farther apart than this.",
+            higher "Reflections are smoother and blurrier at first.", lower "Sharper and noisier ones.",
+            source "ours: `docs/quality.md`";
+        least_lobe: f32 = 0.0, 0.0..=64.0, "pixels", "Glossy only: the least footprint that counts, of mirrors too.",
+            higher "Mirrors are smoother and blurrier at first.", lower "Sharper and noisier ones.",
+            source "ours: `docs/quality.md`";
+    }
     /// The cross-bilateral weight that stages 4, 7, 9 and 10 share. Geometry only.
     edge: Edge {
         depth: f32 = 5.0, 0.0..=1000.0, "per relative depth", "Kz: fall of the weight with the distance in depth from the tangent plane.",
@@ -332,12 +355,34 @@ impl Settings {
     pub fn preset(preset: Preset) -> Self {
         match preset {
             Preset::Paper => Self::default(),
+            Preset::Quality => Self::quality(),
+        }
+    }
+
+    /// The preset `quality`: what each value is measured to do stands in `docs/quality.md`.
+    fn quality() -> Self {
+        Self {
+            pipeline: Pipeline { feedback: Feedback::Temporal },
+            young_filter: YoungFilter {
+                matte: true,
+                glossy: true,
+                frames: 64.0,
+                falloff: 0.4,
+                lobe: 0.05,
+                least_lobe: 0.05,
+            },
+            // What is young is filtered already; mature light stays sharp.
+            matte_prefilter: MattePrefilter { enabled: false, ..MattePrefilter::default() },
+            disocclusion: Disocclusion { enabled: false, ..Disocclusion::default() },
+            ..Self::default()
         }
     }
 
     /// Every spatial filter off: the talk's ablation "without spatial filters".
     #[must_use]
     pub fn without_spatial_filters(mut self) -> Self {
+        self.young_filter.matte = false;
+        self.young_filter.glossy = false;
         self.matte_prefilter.enabled = false;
         self.matte_bilateral.enabled = false;
         self.glossy_bilateral.enabled = false;

@@ -36,6 +36,18 @@ export interface Settings {
   "matte_temporal.clip_radius"?: number;
   /** Width of the clamp where `clip` is `sigma`. From 0 to 16, standard deviations. Default: 1.5. */
   "matte_temporal.clip_gamma"?: number;
+  /** Filters the matte signal after stage 3. Default: false. */
+  "young_filter.matte"?: boolean;
+  /** Filters the glossy signal after stage 8. Default: false. */
+  "young_filter.glossy"?: boolean;
+  /** History length at which the finest level has faded out. From 1 to 256, frames. Default: 32. */
+  "young_filter.frames"?: number;
+  /** When the levels of 3 and 9 pixels fade out. From 0.01 to 1, of the level before's frames. Default: 0.5. */
+  "young_filter.falloff"?: number;
+  /** Glossy only: a level fades out where its taps lie farther apart than this. From 0 to 64, of the lobe's footprint. Default: 1. */
+  "young_filter.lobe"?: number;
+  /** Glossy only: the least footprint that counts, of mirrors too. From 0 to 64, pixels. Default: 0. */
+  "young_filter.least_lobe"?: number;
   /** Kz: fall of the weight with the distance in depth from the tangent plane. From 0 to 1000, per relative depth. Default: 5. */
   "edge.depth"?: number;
   /** Kn: fall of the weight with 1 - cosine^4 of the normals. From 0 to 100. Default: 1. */

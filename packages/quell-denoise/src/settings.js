@@ -8,8 +8,8 @@ const f = Math.fround;
 const REFERENCE_ROWS = 720;
 
 const BY_NAME = new Map(made.parameters.map((parameter) => [parameter.name, parameter]));
-/** These choose which image another stage reads, so they choose the program; only the preset's is in the package. */
-const FIXED = ["pipeline.feedback", "firefly.input"];
+/** These choose which image another stage reads, so they choose the program; only those of preset `paper` are in the package. */
+const FIXED = ["pipeline.feedback", "firefly.input", "young_filter.matte", "young_filter.glossy"];
 
 const PRESETS = { paper: {} };
 
@@ -98,12 +98,22 @@ export function settingsStruct(settings, rows) {
   const spiral = (name) => ({ taps: s[`${name}.taps`], mirror: place(`${name}.off_screen`, s[`${name}.off_screen`]) });
   const { confidence_frames: _, ...surface } = stage(s, "surface");
   const { radius, blur, floor, feedback_floor } = stage(s, "disocclusion");
+  const young = stage(s, "young_filter");
+  const end3 = f(f(young.frames) * f(young.falloff));
   return {
     surface: { ...surface, rejection: place("surface.rejection", surface.rejection) },
     matte_blend: blend("matte_temporal"),
     glossy_blend: blend("glossy_temporal"),
     matte_edge: edge(s["edge.matte_gloss"]),
     glossy_edge: edge(s["edge.glossy_gloss"]),
+    young: {
+      frames: young.frames,
+      end_1: young.frames,
+      end_3: end3,
+      end_9: f(end3 * f(young.falloff)),
+      lobe: young.lobe,
+      least_lobe: young.least_lobe,
+    },
     matte_prefilter: spiral("matte_prefilter"),
     matte_bilateral: spiral("matte_bilateral"),
     disocclusion: { radius, blur, floor, feedback_floor },

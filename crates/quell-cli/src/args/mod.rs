@@ -78,7 +78,7 @@ pub struct Common {
     /// What traces scenes for render and demo, cpu or gpu [default: gpu with --backend gpu, unless that is one in software]
     #[arg(long, global = true, value_name = "NAME", value_parser = values::tracer)]
     pub tracer: Option<values::TracerChoice>,
-    /// Named values of all parameters: paper, or sequence for denoise [default: these]
+    /// Named values of all parameters: paper, quality, or sequence for denoise [default: these]
     #[arg(long, global = true, value_name = "NAME")]
     pub preset: Option<String>,
     /// Set one parameter; repeatable; `quell explain` lists them

@@ -29,8 +29,13 @@ impl Quell {
         let mut parts = variant.split('+');
         let preset = parts.next().unwrap_or_default();
         let mut settings = match preset {
-            "paper" => Settings::preset(Preset::Paper),
-            other => return Err(unknown(other, &mut ["paper", "sequence"].into_iter())),
+            name => match name.parse::<Preset>() {
+                Ok(preset) => Settings::preset(preset),
+                Err(_) => {
+                    let mut known = Preset::ALL.iter().map(|p| p.name()).chain(["sequence"]);
+                    return Err(unknown(name, &mut known));
+                }
+            },
         };
         for part in parts {
             if let Some((name, value)) = part.split_once('=') {

@@ -22,9 +22,12 @@ use crate::plane::{Plane, Size};
 use crate::report::StageTimes;
 use crate::settings::Settings;
 use crate::stages::glossy_bilateral::Axis;
+use crate::stages::young_filter as young;
 use buffers::Buffers;
 use fearless_simd::Level;
-use passes::{composite, direct_taa, disocclusion, firefly, glossy_bilateral, sparse_bilateral, temporal};
+use passes::{
+    composite, direct_taa, disocclusion, firefly, glossy_bilateral, sparse_bilateral, temporal, young_filter,
+};
 
 /// Confidence and history length of a signal.
 #[derive(Clone, Debug)]
@@ -262,6 +265,12 @@ impl Cpu {
                 let filter = sparse_bilateral::Filter { level, guides, gains, spiral: &self.spiral, shape };
                 sparse_bilateral::run(&filter, &input, &mut output);
             }
+            Stage::MatteYoung1
+            | Stage::MatteYoung3
+            | Stage::MatteYoung9
+            | Stage::GlossyYoung1
+            | Stage::GlossyYoung3
+            | Stage::GlossyYoung9 => self.young(step, settings, guides, &input, &mut output),
             Stage::Disocclusion => self.disocclusion(step, settings, &input, &mut output),
             Stage::Firefly => firefly::run(level, guides, &settings.firefly, &input, &mut output),
             Stage::GlossyHorizontal | Stage::GlossyVertical => {
@@ -302,6 +311,28 @@ impl Cpu {
         }
         self.buffers.insert(step.input, input);
         self.buffers.insert(step.output, output);
+    }
+
+    /// A level of `young_filter`; the plan has it only after the stage whose history lengths it reads.
+    fn young(&self, step: &Step, settings: &Settings, guides: &CpuGuides, input: &Colours, output: &mut Colours) {
+        let Some((signal, level)) = step.stage.young_level() else { return };
+        let Some(memory) = self.memory[signal as usize].as_ref() else { return };
+        let s = &settings.young_filter;
+        let (gains, has_lobe) = match signal {
+            Signal::Matte => (Gains::matte(&settings.edge), false),
+            Signal::Glossy => (Gains::glossy(&settings.edge), guides.has_roughness),
+        };
+        let filter = young_filter::Filter {
+            level: self.level,
+            guides,
+            gains,
+            length: &memory.kept,
+            step: young::step_px(level),
+            end: young::ends(s)[level as usize],
+            lobe: has_lobe.then(|| young::Lobe::new(s, guides.now.view.focal_px, level)),
+            frames: s.frames,
+        };
+        young_filter::run(&filter, input, output);
     }
 
     fn disocclusion(&mut self, step: &Step, settings: &Settings, input: &Colours, output: &mut Colours) {
@@ -407,9 +438,12 @@ fn reads(step: &Step, image: Image) -> bool {
 }
 
 /// Images that hold colours.
-const ALL_IMAGES: [Image; 12] = [
+const ALL_IMAGES: [Image; 18] = [
     Image::MatteInput,
     Image::MatteTemporal,
+    Image::MatteYoung1,
+    Image::MatteYoung3,
+    Image::MatteYoung9,
     Image::MattePrefiltered,
     Image::MatteBlended,
     Image::MatteFloored,
@@ -417,6 +451,9 @@ const ALL_IMAGES: [Image; 12] = [
     Image::MatteFiltered,
     Image::GlossyInput,
     Image::GlossyTemporal,
+    Image::GlossyYoung1,
+    Image::GlossyYoung3,
+    Image::GlossyYoung9,
     Image::GlossyHorizontal,
     Image::GlossyFiltered,
     Image::DirectAntialiased,

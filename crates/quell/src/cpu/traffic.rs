@@ -32,6 +32,13 @@ pub fn bytes_per_pixel(plan: &Plan, settings: &Settings, stage: Stage) -> Option
         // Its own guides, the hit distance, the previous guides; motion only where stage 3 did not find the surfaces for it.
         Stage::GlossyTemporal => blended + 2 * (SURFACE + ROUGHNESS) + SCALAR + if shares { seen } else { MOTION },
         Stage::MattePrefilter | Stage::MatteBilateral => filtered,
+        // With the history length.
+        Stage::MatteYoung1
+        | Stage::MatteYoung3
+        | Stage::MatteYoung9
+        | Stage::GlossyYoung1
+        | Stage::GlossyYoung3
+        | Stage::GlossyYoung9 => filtered + SCALAR,
         // Maximum and blur along rows and down columns: four passes over scalars; then the blends.
         Stage::Disocclusion => {
             let floored = if settings.pipeline.feedback == Feedback::Blend { COLOUR } else { 0 };
@@ -59,6 +66,8 @@ mod tests {
     #[test]
     fn bytes_are_those_of_the_plan() {
         let mut settings = Settings::default();
+        settings.young_filter.matte = true;
+        settings.young_filter.glossy = true;
         let plan = Plan::new(&settings, Inputs::ALL);
         let of = |plan: &Plan, settings: &Settings, stage| bytes_per_pixel(plan, settings, stage);
         // Signal in and out, depth, normal, identity, roughness.

@@ -103,7 +103,12 @@ impl<'a> Builder<'a> {
     /// The dispatches of a step for the planes that are tied to its signal: after the signal's own.
     fn joint(&mut self, step: &Step) -> Vec<Dispatch> {
         let signal = match step.stage {
-            Stage::GlossyTemporal | Stage::GlossyHorizontal | Stage::GlossyVertical => Signal::Glossy,
+            Stage::GlossyTemporal
+            | Stage::GlossyYoung1
+            | Stage::GlossyYoung3
+            | Stage::GlossyYoung9
+            | Stage::GlossyHorizontal
+            | Stage::GlossyVertical => Signal::Glossy,
             Stage::DirectTaa | Stage::Composite => return Vec::new(),
             _ => Signal::Matte,
         };
@@ -180,6 +185,18 @@ impl<'a> Builder<'a> {
             }
             Stage::MattePrefilter => guides.take(2).chain([(Slot::PrefilterTaps, false), input, output]).collect(),
             Stage::MatteBilateral => guides.take(2).chain([(Slot::BilateralTaps, false), input, output]).collect(),
+            Stage::MatteYoung1
+            | Stage::MatteYoung3
+            | Stage::MatteYoung9
+            | Stage::GlossyYoung1
+            | Stage::GlossyYoung3
+            | Stage::GlossyYoung9 => {
+                let length = match step.stage.young_level() {
+                    Some((Signal::Glossy, _)) => Slot::GlossyLength,
+                    _ => Slot::MatteLength,
+                };
+                guides.take(2).chain([input, (length, false), output]).collect()
+            }
             Stage::Disocclusion => {
                 let mut places = self.blending(step);
                 places.extend([output, self.floored()]);

@@ -66,6 +66,27 @@ const GLOSSY_BILATERAL: &[&str] = &[
     include_str!("../stages/glossy_bilateral/shader.wgsl"),
     include_str!("passes/glossy_bilateral.wgsl"),
 ];
+const YOUNG_BINDINGS: &[Binding] = &[GEOMETRY, SURFACE, colour("input"), number("history_length"), written("output")];
+const YOUNG: &[&str] = &[
+    GUIDES,
+    GUIDES_SURFACE,
+    MATH,
+    EDGE,
+    include_str!("../stages/young_filter/shader.wgsl"),
+    include_str!("passes/young_filter.wgsl"),
+];
+/// A level of the filter of young history; its entry point has its name.
+const fn young(stage: Stage, name: &'static str) -> Pass {
+    let stages: &[Stage] = match stage {
+        Stage::MatteYoung3 => &[Stage::MatteYoung3],
+        Stage::MatteYoung9 => &[Stage::MatteYoung9],
+        Stage::GlossyYoung1 => &[Stage::GlossyYoung1],
+        Stage::GlossyYoung3 => &[Stage::GlossyYoung3],
+        Stage::GlossyYoung9 => &[Stage::GlossyYoung9],
+        _ => &[Stage::MatteYoung1],
+    };
+    Pass { name, stages, per_frame: true, entry: name, bindings: YOUNG_BINDINGS, pieces: YOUNG }
+}
 const GLOSSY_BINDINGS: &[Binding] = &[GEOMETRY, SURFACE, MOVING, colour("input"), written("output")];
 const TEMPORAL_BINDINGS: &[Binding] = &[
     GEOMETRY,
@@ -168,6 +189,18 @@ impl Pass {
             include_str!("passes/matte_temporal.wgsl"),
         ],
     };
+    /// Level 0 of the filter of young history, matte signal.
+    pub const MATTE_YOUNG_1: Self = young(Stage::MatteYoung1, "matte_young_1");
+    /// Level 1 of the filter of young history, matte signal.
+    pub const MATTE_YOUNG_3: Self = young(Stage::MatteYoung3, "matte_young_3");
+    /// Level 2 of the filter of young history, matte signal.
+    pub const MATTE_YOUNG_9: Self = young(Stage::MatteYoung9, "matte_young_9");
+    /// Level 0 of the filter of young history, glossy signal.
+    pub const GLOSSY_YOUNG_1: Self = young(Stage::GlossyYoung1, "glossy_young_1");
+    /// Level 1 of the filter of young history, glossy signal.
+    pub const GLOSSY_YOUNG_3: Self = young(Stage::GlossyYoung3, "glossy_young_3");
+    /// Level 2 of the filter of young history, glossy signal.
+    pub const GLOSSY_YOUNG_9: Self = young(Stage::GlossyYoung9, "glossy_young_9");
     /// Stage 4.
     pub const MATTE_PREFILTER: Self = Self {
         name: "matte_prefilter",
@@ -383,13 +416,19 @@ impl Pass {
     };
 
     /// One stage each, in the order of the pipeline.
-    pub const SINGLE: [Self; 10] = [
+    pub const SINGLE: [Self; 16] = [
         Self::MATTE_TEMPORAL,
+        Self::MATTE_YOUNG_1,
+        Self::MATTE_YOUNG_3,
+        Self::MATTE_YOUNG_9,
         Self::MATTE_PREFILTER,
         Self::DISOCCLUSION,
         Self::FIREFLY,
         Self::MATTE_BILATERAL,
         Self::GLOSSY_TEMPORAL,
+        Self::GLOSSY_YOUNG_1,
+        Self::GLOSSY_YOUNG_3,
+        Self::GLOSSY_YOUNG_9,
         Self::GLOSSY_HORIZONTAL,
         Self::GLOSSY_VERTICAL,
         Self::DIRECT_TAA,
@@ -414,6 +453,12 @@ impl Pass {
     pub const fn of(stage: Stage) -> Self {
         match stage {
             Stage::MatteTemporal => Self::MATTE_TEMPORAL,
+            Stage::MatteYoung1 => Self::MATTE_YOUNG_1,
+            Stage::MatteYoung3 => Self::MATTE_YOUNG_3,
+            Stage::MatteYoung9 => Self::MATTE_YOUNG_9,
+            Stage::GlossyYoung1 => Self::GLOSSY_YOUNG_1,
+            Stage::GlossyYoung3 => Self::GLOSSY_YOUNG_3,
+            Stage::GlossyYoung9 => Self::GLOSSY_YOUNG_9,
             Stage::MattePrefilter => Self::MATTE_PREFILTER,
             Stage::Disocclusion => Self::DISOCCLUSION,
             Stage::Firefly => Self::FIREFLY,

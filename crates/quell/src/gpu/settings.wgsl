@@ -44,6 +44,15 @@ struct EdgeStops {
     gloss: f32,
 }
 
+struct YoungSettings {
+    @align(16) frames: f32,
+    end_1: f32,
+    end_3: f32,
+    end_9: f32,
+    lobe: f32,
+    least_lobe: f32,
+}
+
 struct SpiralSettings {
     @align(16) taps: u32,
     mirror: u32,
@@ -107,6 +116,7 @@ struct Settings {
     glossy_blend: Blend,
     matte_edge: EdgeStops,
     glossy_edge: EdgeStops,
+    young: YoungSettings,
     matte_prefilter: SpiralSettings,
     matte_bilateral: SpiralSettings,
     disocclusion: DisocclusionSettings,

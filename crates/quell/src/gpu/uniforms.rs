@@ -9,9 +9,10 @@ use crate::history::Validity;
 use crate::kernels::mirror_image::FARTHEST_BENT_PX;
 use crate::plane::Size;
 use crate::settings::{
-    Clip, GlossyRadius, HitFilter, Median, OffScreen, REFERENCE_ROWS, Rejection, Settings, SurfaceSettings,
+    Clip, GlossyRadius, HitFilter, Median, OffScreen, REFERENCE_ROWS, Rejection, Settings, SurfaceSettings, YoungFilter,
 };
 use crate::stages::glossy_bilateral::KernelSize;
+use crate::stages::young_filter;
 use glam::{DVec3, UVec2, Vec2, Vec3, Vec4};
 
 uniforms! {
@@ -80,6 +81,15 @@ uniforms! {
         mirror: u32,
     }
 
+    Young as "YoungSettings" {
+        frames: f32,
+        end_1: f32,
+        end_3: f32,
+        end_9: f32,
+        lobe: f32,
+        least_lobe: f32,
+    }
+
     Disocclusion as "DisocclusionSettings" {
         radius: u32,
         blur: u32,
@@ -138,6 +148,7 @@ uniforms! {
         glossy_blend: Blend,
         matte_edge: EdgeStops,
         glossy_edge: EdgeStops,
+        young: Young,
         matte_prefilter: Spiral,
         matte_bilateral: Spiral,
         disocclusion: Disocclusion,
@@ -158,6 +169,7 @@ pub fn layouts() -> Vec<Uniform> {
         Surface::layout(),
         Blend::layout(),
         EdgeStops::layout(),
+        Young::layout(),
         Spiral::layout(),
         Disocclusion::layout(),
         Firefly::layout(),
@@ -281,6 +293,7 @@ impl SettingsUniforms {
             },
             matte_edge: edge(s.edge.matte_gloss),
             glossy_edge: edge(s.edge.glossy_gloss),
+            young: young(&s.young_filter),
             matte_prefilter: Spiral { taps: s.matte_prefilter.taps, mirror: off_screen(s.matte_prefilter.off_screen) },
             matte_bilateral: Spiral { taps: s.matte_bilateral.taps, mirror: off_screen(s.matte_bilateral.off_screen) },
             disocclusion: Disocclusion {
@@ -380,6 +393,11 @@ fn surface(s: &SurfaceSettings) -> Surface {
         moving_depth: s.moving_depth,
         guard_band: s.guard_band,
     }
+}
+
+fn young(s: &YoungFilter) -> Young {
+    let [end_1, end_3, end_9] = young_filter::ends(s);
+    Young { frames: s.frames, end_1, end_3, end_9, lobe: s.lobe, least_lobe: s.least_lobe }
 }
 
 fn clip(clip: Clip) -> u32 {

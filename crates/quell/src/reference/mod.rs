@@ -15,7 +15,7 @@ use crate::stages::glossy_bilateral::Axis;
 use crate::stages::matte_temporal::reference::{Remembered, Temporal};
 use crate::stages::{
     composite, direct_taa, disocclusion, firefly, glossy_bilateral, glossy_temporal, matte_bilateral, matte_prefilter,
-    matte_temporal,
+    matte_temporal, young_filter,
 };
 use std::collections::HashMap;
 
@@ -196,6 +196,16 @@ impl Reference {
                 self.temporal[0] = Some(temporal);
                 planes
             }
+            Stage::MatteYoung1
+            | Stage::MatteYoung3
+            | Stage::MatteYoung9
+            | Stage::GlossyYoung1
+            | Stage::GlossyYoung3
+            | Stage::GlossyYoung9 => {
+                let Some((signal, level)) = step.stage.young_level() else { return Ok(()) };
+                let Some(temporal) = self.temporal[signal as usize].as_ref() else { return Ok(()) };
+                young_filter::reference::run(input, &temporal.length, guides, settings, signal, level)
+            }
             Stage::MattePrefilter => matte_prefilter::reference::run(input, guides, settings, frame.index),
             Stage::Disocclusion => {
                 let prefiltered = step.also_reads.iter().find_map(|i| self.images.get(i));
@@ -230,7 +240,12 @@ impl Reference {
             Stage::Composite => {
                 let signals = step.also_reads.iter().filter_map(|image| {
                     let weight = match image {
-                        Image::GlossyInput | Image::GlossyTemporal | Image::GlossyFiltered => &self.weights[1],
+                        Image::GlossyInput
+                        | Image::GlossyTemporal
+                        | Image::GlossyYoung1
+                        | Image::GlossyYoung3
+                        | Image::GlossyYoung9
+                        | Image::GlossyFiltered => &self.weights[1],
                         Image::Weights => return None,
                         _ => &self.weights[0],
                     };

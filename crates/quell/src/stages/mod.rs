@@ -4,7 +4,7 @@
 //!
 //! | filter | its stages, in order |
 //! |---|---|
-//! | real-time ([`crate::pipeline`]) | `matte_temporal`, `matte_prefilter`, `disocclusion`, `firefly`, `matte_bilateral`, `glossy_temporal`, `glossy_bilateral`, `direct_taa`, `composite` |
+//! | real-time ([`crate::pipeline`]) | `matte_temporal`, `young_filter`, `matte_prefilter`, `disocclusion`, `firefly`, `matte_bilateral`, `glossy_temporal`, `young_filter`, `glossy_bilateral`, `direct_taa`, `composite` |
 //! | sequences ([`crate::sequence`]) | `reflection_motion`, `gather`, `feature_noise`, `variance`, `wavelet`, `recombine` (sum), `stabilise`, `blend`, `recombine` (rescale) |
 //!
 //! Sources in the tables: \[S] the talk's slides, \[A] the abstract, \[E] the authors' engine and later work, \[I] inferred, \[O] open, so ours;
@@ -53,3 +53,4 @@ pub(crate) mod variance;
 pub mod wavelet;
 #[cfg(not(feature = "internals"))]
 pub(crate) mod wavelet;
+pub mod young_filter;

@@ -8,7 +8,9 @@ use super::frames::{
 use glam::DMat3;
 use proptest::prelude::*;
 use quell::settings::PARAMETERS;
-use quell::{Backend, Camera, Denoiser, Frame, FrameBuf, Pass, PassBuf, Plane, PlaneRef, Rgb, Settings, Signal, Size};
+use quell::{
+    Backend, Camera, Denoiser, Frame, FrameBuf, Pass, PassBuf, Plane, PlaneRef, Preset, Rgb, Settings, Signal, Size,
+};
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -202,6 +204,13 @@ fn every_stage_alone_agrees() {
             [TEMPORAL, &[("surface.rejection", "off"), ("matte_temporal.ramp", "off")]].concat(),
             EXACT,
         ),
+        ("young matte", [TEMPORAL, &[("young_filter.matte", "on")]].concat(), WEIGHTS),
+        (
+            "young matte, narrow",
+            [TEMPORAL, &[("young_filter.matte", "on"), ("young_filter.frames", "3")]].concat(),
+            WEIGHTS,
+        ),
+        ("young glossy", [GLOSSY, &[("young_filter.glossy", "on"), ("young_filter.lobe", "0.02")]].concat(), WEIGHTS),
         ("4", vec![("matte_prefilter.enabled", "on")], WEIGHTS),
         ("4, mirrored", vec![("matte_prefilter.enabled", "on"), ("matte_prefilter.off_screen", "mirror")], WEIGHTS),
         ("4, gloss", vec![("matte_prefilter.enabled", "on"), ("edge.matte_gloss", "1")], WEIGHTS),
@@ -245,6 +254,8 @@ fn every_stage_alone_agrees() {
 fn a_dropped_tap_or_weight_is_seen() {
     let frames = frames(&floor(moving, Noise::Sparse(0.4)), 3, false);
     for (name, value, stage) in [
+        ("young_filter.frames", "31", "young_filter.matte"),
+        ("young_filter.falloff", "0.45", "young_filter.glossy"),
         ("matte_prefilter.taps", "23", "matte_prefilter.enabled"),
         ("matte_bilateral.taps", "23", "matte_bilateral.enabled"),
         ("glossy_bilateral.sigma", "0.7", "glossy_bilateral.enabled"),
@@ -252,7 +263,12 @@ fn a_dropped_tap_or_weight_is_seen() {
         ("matte_temporal.alpha", "0.3", "matte_temporal.enabled"),
         ("glossy_temporal.alpha", "0.3", "glossy_temporal.enabled"),
     ] {
-        let settings = only(&[(stage, "on")]);
+        // The filter of young history acts after stages 3 and 8 only.
+        let settings = match stage {
+            "young_filter.matte" => only(&[(stage, "on"), ("matte_temporal.enabled", "on")]),
+            "young_filter.glossy" => only(&[(stage, "on"), ("glossy_temporal.enabled", "on")]),
+            _ => only(&[(stage, "on")]),
+        };
         let mut other = settings.clone();
         other.set(name, value).unwrap();
         let [a, _] = outputs(&settings, &frames);
@@ -297,9 +313,12 @@ fn orthographic_cameras_agree() {
 #[test]
 fn sequences_of_thirty_frames_agree() {
     for (name, scene) in scenes() {
-        for feedback in ["blend", "prefilter"] {
+        for feedback in ["blend", "prefilter", "quality"] {
             let mut settings = with_radius(Settings::default(), SIZE, 12.0);
-            settings.set("pipeline.feedback", feedback).unwrap();
+            match feedback {
+                "quality" => settings = with_radius(Settings::preset(Preset::Quality), SIZE, 12.0),
+                _ => settings.set("pipeline.feedback", feedback).unwrap(),
+            }
             let frames = frames(&scene, 30, name == "box");
             let [a, b] = outputs(&settings, &frames);
             if let Err(difference) = compare(&a, &b, SEQUENCE) {

@@ -8,7 +8,7 @@ use quell::kernels::reproject::{expected_surface, surface_lookup};
 use quell::pipeline::{Inputs, Plan, Stage};
 use quell::settings::{Clip, Feedback, FireflyInput, GlossyRadius, Median, PARAMETERS, Rejection};
 use quell::stages::glossy_bilateral::{Axis, KernelSize, radius_px};
-use quell::{Backend, Denoiser, FrameBuf, PassBuf, Plane, Rgb, Settings, Signal, Size};
+use quell::{Backend, Denoiser, FrameBuf, PassBuf, Plane, Preset, Rgb, Settings, Signal, Size};
 
 const SMALL: Size = Size::new(48, 32);
 
@@ -45,6 +45,8 @@ fn sparse_light_keeps_its_energy() {
         let [matte, glossy] = kept_energy(&Settings::default(), backend, 200);
         assert!((matte - 1.0).abs() < 0.02, "{matte} of the matte light is left");
         assert!((glossy - 1.0).abs() < 0.02, "{glossy} of the glossy light is left");
+        let [matte, _] = kept_energy(&Settings::preset(Preset::Quality), backend, 120);
+        assert!((matte - 1.0).abs() < 0.02, "quality: {matte} of the matte light is left");
     }
 }
 
@@ -57,6 +59,64 @@ fn without_order_statistics_all_light_is_kept() {
     for backend in BACKENDS {
         let [matte, glossy] = kept_energy(&settings, backend, 120);
         assert!((matte - 1.0).abs() < 0.01 && (glossy - 1.0).abs() < 0.015, "{matte} {glossy}");
+    }
+}
+
+/// Matte light of frame `index` of a wall whose paths are lit with probability 0.1: its mean over that of the input, and its
+/// standard deviation.
+fn matte_at_frame(settings: &Settings, backend: Backend, index: i64) -> [f64; 2] {
+    let size = Size::new(128, 96);
+    let scene = wall(still, Noise::Sparse(0.1));
+    let mut denoiser = Denoiser::with_backend(size, settings, backend).unwrap();
+    let (mut last, mut given) = (None, 0.0);
+    for i in 0..=index {
+        let frame = scene.frame(size, i);
+        given += mean(frame.matte.as_ref().unwrap()) / (index + 1) as f64;
+        last = denoise(&mut denoiser, &frame).matte;
+    }
+    let plane = last.unwrap();
+    let centre = mean(&plane);
+    let squares = Plane::from_fn(size, |x, y| plane.at(x, y).map(|v| (v - centre as f32).powi(2)));
+    [centre / given, mean(&squares).sqrt()]
+}
+
+#[test]
+fn quality_is_smooth_and_keeps_its_light_from_the_first_frame_on() {
+    for backend in BACKENDS {
+        for index in [0, 3] {
+            let [kept, deviation] = matte_at_frame(&Settings::preset(Preset::Quality), backend, index);
+            // `paper`, whose median sees noise, is neither.
+            let [paper_kept, paper_deviation] = matte_at_frame(&Settings::default(), backend, index);
+            println!("frame {index}: kept {kept}, {paper_kept}; deviation {deviation}, {paper_deviation}");
+            assert!((kept - 1.0).abs() < 0.02, "frame {index}: {kept} of the light is left");
+            assert!(paper_kept < kept - 0.02, "frame {index}: {paper_kept} is left by `paper`, {kept} by `quality`");
+            assert!(deviation < 0.5 * paper_deviation, "frame {index}: {deviation}, {paper_deviation}");
+        }
+    }
+}
+
+#[test]
+fn what_was_uncovered_takes_light_from_what_is_known() {
+    // A wall whose left half the host distrusts in the last frame: its light comes from the right one, at once.
+    let size = Size::new(64, 40);
+    let scene = wall(still, Noise::Sparse(0.1));
+    let settings = Settings::preset(Preset::Quality);
+    for backend in BACKENDS {
+        let mut denoiser = Denoiser::with_backend(size, &settings, backend).unwrap();
+        let mut spread = [0.0f64; 2];
+        for i in 0..40 {
+            let mut frame = scene.frame(size, i);
+            if i == 39 {
+                frame.confidence_in = Some(Plane::from_fn(size, |x, _| if x < 32 { 0.0 } else { 1.0 }));
+            }
+            let matte = denoise(&mut denoiser, &frame).matte.unwrap();
+            // One pixel into the left half, its neighbours three pixels on are known; and deep inside, none are.
+            spread = [28, 8].map(|x| {
+                let column = (4..36).map(|y| f64::from(matte.at(x, y)[0]));
+                (column.map(|v| (v - 0.5).powi(2)).sum::<f64>() / 32.0).sqrt()
+            });
+        }
+        assert!(spread[0] < 0.6 * spread[1], "{spread:?}");
     }
 }
 
@@ -132,6 +192,10 @@ fn with_everything_off_output_is_input_to_the_bit() {
 /// Settings with only some stages on, and the whole with each choice of clamp, feedback and median.
 fn varieties() -> Vec<(String, Settings)> {
     let mut all = vec![("paper".to_owned(), paper())];
+    let quality = with_radius(Settings::preset(Preset::Quality), SMALL, 6.0);
+    let mut only = quality.clone().without_denoising();
+    (only.matte_temporal.enabled, only.young_filter.matte) = (true, true);
+    all.extend([("quality".to_owned(), quality), ("only young_filter.matte".to_owned(), only)]);
     let switches: Vec<_> = PARAMETERS.iter().map(|p| p.name).filter(|n| n.ends_with(".enabled")).collect();
     for on in &switches {
         let mut only = paper().without_denoising();
@@ -1066,11 +1130,15 @@ fn trials() -> Vec<(&'static str, Settings, Vec<FrameBuf>)> {
     let mirrors = sequence(&mirror(approaching, true, Noise::Uniform), size, 4);
     let spheres = bumpy(sequence(&sphere(moving, Noise::Sparse(0.3)), size, 4));
     let floors = sequence(&floor(moving, Noise::Uniform), size, 4);
+    let mut young = paper();
+    (young.young_filter.matte, young.young_filter.glossy) = (true, true);
+    young.young_filter.lobe = 0.1;
     // Rows enough for a distance of more than a pixel between the taps of the separable kernel.
     let tall = sequence(&wall(still, Noise::Uniform), Size::new(10, 144), 1);
     vec![
         ("tall", Settings::default(), tall),
         ("box", paper(), box_frames.clone()),
+        ("box, young history", young, box_frames.clone()),
         ("box, other choices", other.clone(), box_frames),
         ("mirror", paper(), mirrors),
         ("bumpy sphere", paper(), spheres.clone()),

@@ -11,3 +11,4 @@ pub(crate) mod stabilise;
 pub(crate) mod temporal;
 pub(crate) mod variance;
 pub(crate) mod wavelet;
+pub(crate) mod young_filter;

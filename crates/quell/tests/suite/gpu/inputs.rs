@@ -9,7 +9,7 @@ use quell::stages::glossy_bilateral::Axis;
 use quell::stages::matte_temporal::reference::{Remembered, Temporal};
 use quell::stages::{
     composite, direct_taa, disocclusion, firefly, glossy_bilateral, glossy_temporal, matte_bilateral, matte_prefilter,
-    matte_temporal,
+    matte_temporal, young_filter,
 };
 use quell::{FrameBuf, Plane, Rgb, Settings, Signal, Size};
 
@@ -199,6 +199,30 @@ impl Inputs {
         let [geometry, surface, _] = self.guide_planes();
         let inputs = vec![geometry, surface, pack_spiral(&Spiral::new(&shape)), colour_bytes(&input[0])];
         self.job(pass, settings, inputs, output)
+    }
+
+    /// A level of the filter of young history, on the accumulated matte signal, or on the glossy one as it came.
+    pub fn young(&self, signal: Signal, level: u32, settings: &Settings) -> Job {
+        let temporal = self.accumulated(settings);
+        let input = match signal {
+            Signal::Matte => temporal.planes,
+            Signal::Glossy => vec![self.signal(signal, BEFORE)],
+        };
+        let output = young_filter::reference::run(&input, &temporal.length, self.now(), settings, signal, level);
+        let pass = match (signal, level) {
+            (Signal::Matte, 0) => Pass::MATTE_YOUNG_1,
+            (Signal::Matte, 1) => Pass::MATTE_YOUNG_3,
+            (Signal::Matte, _) => Pass::MATTE_YOUNG_9,
+            (Signal::Glossy, 0) => Pass::GLOSSY_YOUNG_1,
+            (Signal::Glossy, 1) => Pass::GLOSSY_YOUNG_3,
+            (Signal::Glossy, _) => Pass::GLOSSY_YOUNG_9,
+        };
+        let [geometry, surface, _] = self.guide_planes();
+        let confidence = colour_and_bytes(&input[0], &temporal.confidence);
+        let mut job =
+            self.job(pass, settings, vec![geometry, surface, confidence, number_bytes(&temporal.length)], output);
+        job.expected.scalars = vec![("confidence", temporal.confidence)];
+        job
     }
 
     /// Stage 5, on the outputs of stages 3 and 4.

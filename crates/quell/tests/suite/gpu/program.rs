@@ -1,9 +1,9 @@
 //! What a frame does, counted and checked without a device.
 
-use quell::Settings;
 use quell::gpu::wgpu::Limits;
 use quell::gpu::{BindingKind, Contents, Dispatch, Holds, Program, Role, SignalContents, Slot, Storage, Texel};
 use quell::pipeline::{Plan, Stage};
+use quell::{Preset, Settings};
 
 fn program(settings: &Settings, contents: Contents, storage: Storage, fuse: bool) -> Program {
     Program::new(&Plan::new(settings, contents.inputs()), contents, storage, fuse)
@@ -43,6 +43,23 @@ fn stages_3_to_10_move_at_most_260_bytes_a_pixel() {
 }
 
 #[test]
+fn quality_moves_at_most_420_bytes_a_pixel_and_holds_at_most_200() {
+    let program = program(&Settings::preset(Preset::Quality), Contents::USUAL, Storage::Half, true);
+    for dispatch in &program.dispatches {
+        println!("{:<32} {:>3} bytes a pixel", dispatch.pass.name, program.bytes_of(dispatch));
+    }
+    let bytes: u32 = Stage::ALL
+        .iter()
+        .filter(|stage| !matches!(stage, Stage::DirectTaa | Stage::Composite))
+        .filter_map(|stage| program.bytes_per_pixel(*stage))
+        .sum();
+    let memory = program.memory(1);
+    println!("{bytes} bytes a pixel; {} persistent, {} transient", memory.persistent, memory.transient);
+    assert!(bytes <= 420, "{bytes}");
+    assert!(memory.persistent + memory.transient <= 200, "{}", memory.persistent + memory.transient);
+}
+
+#[test]
 fn five_thousand_pixels_fit_the_default_limits() {
     let (limits, width, height) = (Limits::default(), 5120, 2880);
     let program = program(&Settings::default(), Contents::USUAL, Storage::Half, true);
@@ -64,6 +81,8 @@ fn five_thousand_pixels_fit_the_default_limits() {
 fn every_program(mut check: impl FnMut(&Program, &str)) {
     let switches = [
         "matte_temporal.enabled",
+        "young_filter.matte",
+        "young_filter.glossy",
         "matte_prefilter.enabled",
         "disocclusion.enabled",
         "firefly.enabled",

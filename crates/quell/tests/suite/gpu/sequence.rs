@@ -5,7 +5,7 @@ use super::device::{By, Gpu, Output, colour_bytes, gpu};
 use crate::suite::frames::{Noise, box_before_wall, denoise, guides, moving, with_radius};
 use quell::gpu::wgpu::{CommandEncoderDescriptor, TextureFormat, TextureUsages, TextureView};
 use quell::gpu::{self, Options, Storage, Texel, pack_guides};
-use quell::{Backend, Camera, Denoiser, FrameBuf, Plane, Rgb, Settings, Size};
+use quell::{Backend, Camera, Denoiser, FrameBuf, Plane, Preset, Rgb, Settings, Size};
 
 /// A frame's planes on the GPU, colours as 32-bit floats.
 pub struct Uploaded {
@@ -139,9 +139,12 @@ pub fn agree([a, b]: [Output; 2], what: &str) {
 fn sequences_of_thirty_frames_agree() {
     let Some(gpu) = gpu() else { return };
     for (name, scene) in scenes() {
-        for feedback in ["blend", "prefilter"] {
+        for feedback in ["blend", "prefilter", "quality"] {
             let mut settings = with_radius(Settings::default(), SIZE, 12.0);
-            settings.set("pipeline.feedback", feedback).unwrap();
+            match feedback {
+                "quality" => settings = with_radius(Settings::preset(Preset::Quality), SIZE, 12.0),
+                _ => settings.set("pipeline.feedback", feedback).unwrap(),
+            }
             let frames: Vec<FrameBuf> = (0..30).map(|i| scene.frame(SIZE, i)).collect();
             agree(both(gpu, &settings, &frames), &format!("{name}, {feedback}"));
         }

@@ -1,0 +1,155 @@
+//! The schedule of the filter of young history: row by row, phase by phase, as stages 4 and 7; runs whose history is long
+//! enough are copied.
+
+use super::sparse_bilateral::{Pieces, RunOf, guide_run, lanes_of, of_fields};
+use crate::kernels::edge_cpu::{Centres, Gains, RUN, Run, Tap, run_length, weights};
+use crate::kernels::math::three;
+use crate::kernels::spiral::PERIOD;
+use crate::phased::guides::CpuGuides;
+use crate::phased::layout::{Colours, Phases, channel};
+use crate::phased::rows;
+use crate::settings::OffScreen;
+use crate::stages::matte_prefilter::cpu::{gather, invert};
+use crate::stages::young_filter::Lobe;
+use crate::stages::young_filter::cpu::{by_frames, finish, shares};
+use fearless_simd::{Level, dispatch};
+
+/// What a level needs besides its images.
+#[derive(Clone, Copy)]
+pub(crate) struct Filter<'a> {
+    pub level: Level,
+    pub guides: &'a CpuGuides,
+    pub gains: Gains,
+    /// History length, in phase order.
+    pub length: &'a [f32],
+    /// Pixels between taps.
+    pub step: usize,
+    /// The history length from which on nothing is filtered.
+    pub end: f32,
+    /// Of the glossy signal, where roughness is known.
+    pub lobe: Option<Lobe>,
+    /// Most frames that count.
+    pub frames: f32,
+}
+
+/// Taps of a level.
+const TAPS: usize = 8;
+const OFFSETS: [(i32, i32); TAPS] = [(-1, -1), (0, -1), (1, -1), (-1, 0), (1, 0), (-1, 1), (0, 1), (1, 1)];
+
+pub(crate) fn run(filter: &Filter<'_>, input: &Colours, output: &mut Colours) {
+    let phases = filter.guides.phases;
+    let stride = output.stride(phases.size.width);
+    let kind = (filter.guides.now.view.perspective, filter.gains.reads_roughness());
+    rows::each(output.elements_mut(), stride, |y, out| {
+        dispatch!(filter.level, _simd => match kind {
+            (true, false) => a_row::<true, false>(filter, &phases, input, y, out),
+            (true, true) => a_row::<true, true>(filter, &phases, input, y, out),
+            (false, false) => a_row::<false, false>(filter, &phases, input, y, out),
+            (false, true) => a_row::<false, true>(filter, &phases, input, y, out),
+        });
+    });
+}
+
+#[repr(align(64))]
+struct Scratch {
+    centres: Centres,
+    taps: [Run; TAPS],
+    total: Run,
+    share: Run,
+    frames: Run,
+    sums: [Run; 3],
+}
+
+#[inline(always)]
+fn a_row<const PERSPECTIVE: bool, const GLOSS: bool>(
+    filter: &Filter<'_>,
+    phases: &Phases,
+    input: &Colours,
+    y: usize,
+    out: &mut [f32],
+) {
+    let zero = [0.0; RUN];
+    let mut scratch = Scratch {
+        centres: Centres::new(),
+        taps: [zero; TAPS],
+        total: zero,
+        share: zero,
+        frames: zero,
+        sums: [zero; 3],
+    };
+    let length = run_length(phases.longest());
+    for phase in 0..PERIOD {
+        for first in (0..phases.count(phase)).step_by(length) {
+            let len = length.min(phases.count(phase) - first);
+            filter_run::<PERSPECTIVE, GLOSS>(filter, phases, input, RunOf { y, phase, first, len }, &mut scratch, out);
+        }
+    }
+}
+
+#[inline(always)]
+fn filter_run<const PERSPECTIVE: bool, const GLOSS: bool>(
+    filter: &Filter<'_>,
+    phases: &Phases,
+    input: &Colours,
+    run: RunOf,
+    scratch: &mut Scratch,
+    out: &mut [f32],
+) {
+    let Scratch { centres, taps, total, share, frames, sums } = scratch;
+    let guides = filter.guides;
+    let width = phases.size.width;
+    let view = &guides.now.view;
+    let RunOf { y, phase, first, len: n } = run;
+    let (own, colours) = (input.row(width, y), input.elements());
+    let begin = phases.range(phase).start + first;
+    let p = guide_run(guides, y, y * width + begin, n);
+    let constants = (filter.end, filter.lobe, filter.frames);
+    if !shares(&filter.length[y * width + begin..][..n], p.roughness, constants, share, frames) {
+        for c in 0..3 * input.planes {
+            out[c * width + begin..][..n].copy_from_slice(&own[c * width + begin..][..n]);
+        }
+        return;
+    }
+    let x = (PERIOD * first + phase) as f32;
+    centres.fill(view, &filter.gains, &p, x + 0.5 + guides.now.jitter.x, y as f32 + 0.5 + guides.now.jitter.y);
+    total[..n].copy_from_slice(&frames[..n]);
+    let pieces = |(dx, dy): (i32, i32)| {
+        let step = filter.step as i32;
+        Pieces::of(phases, run, (dx * step, dy * step), OffScreen::Skip)
+    };
+    for (of_tap, offset) in taps.iter_mut().zip(OFFSETS) {
+        let mut pieces = pieces(offset);
+        while let Some(piece) = pieces.next() {
+            let q = guide_run(guides, piece.y, piece.at, piece.len);
+            let lanes = piece.first..piece.first + piece.len;
+            let of_tap = &mut of_tap[lanes.clone()];
+            let geometry = Tap::new(view, piece.offset.0, piece.offset.1);
+            weights::<PERSPECTIVE, GLOSS>(centres, piece.first, &q, &geometry, &filter.gains, of_tap);
+            piece.mask(of_tap);
+            by_frames(of_tap, &share[lanes.clone()], &filter.length[piece.at..][..piece.len], filter.frames);
+            total[lanes].iter_mut().zip(of_tap).for_each(|(total, w)| *total += *w);
+        }
+    }
+    invert(&mut total[..n]);
+    for plane in 0..input.planes {
+        for c in 0..3 {
+            let centre = &channel(own, width, plane, c)[begin..][..n];
+            sums[c][..n].iter_mut().zip(centre).zip(&frames[..n]).for_each(|((sum, v), n)| *sum = v * n);
+        }
+        for (of_tap, offset) in taps.iter().zip(OFFSETS) {
+            let mut pieces = pieces(offset);
+            while let Some(piece) = pieces.next() {
+                let lanes = piece.first..piece.first + piece.len;
+                let colour = three(|c| {
+                    &colours[of_fields(piece.at, width, 3 * input.planes, piece.y, plane * 3 + c)..][..piece.len]
+                });
+                gather(&of_tap[lanes.clone()], colour, lanes_of(sums, lanes));
+            }
+        }
+        for c in 0..3 {
+            let centre = &channel(own, width, plane, c)[begin..][..n];
+            let out = &mut out[(plane * 3 + c) * width + begin..][..n];
+            finish(&sums[c], total, share, p.depth, centre, out);
+        }
+    }
+}

@@ -1,0 +1,83 @@
+//! Between stages 3 and 4, and between 8 and 9: a filter in space where history is short. No stage of the paper.
+//!
+//! | | |
+//! |---|---|
+//! | reads | an accumulated signal and its passes, its history length N, feature buffers |
+//! | writes | the same, level by level |
+//! | reach | 3^i pixels in level i, i = 0, 1, 2 |
+//! | equation | out = (N_p c_p + sum_q s w_pq N_q c_q) / (N_p + sum_q s w_pq N_q) over the eight q whose offsets are -3^i, 0 or 3^i along both axes |
+//! | edge stops | w_pq of `kernels/edge.rs`, for the glossy signal with gloss |
+//! | fade | s = clamp((F_i - N_p) / (F_i - 1), 0, 1), F_i = `frames` `falloff`^i; glossy: times min(1, (`lobe` r + `least_lobe`) / 3^i), r = 2 roughness^2 f, f the focal length in pixels |
+//! | source | ours; levels of sparse taps: Dammertz et al. (HPG 2010); a filter in space for short histories: SVGF (Schied et al., HPG 2017) 4.2 |
+//! | parameters | `young_filter.*`, `edge.*` |
+//!
+//! A mean of N frames has an N-th of the variance of one: neighbours count by their own N, at most `frames`, so that what has
+//! just been uncovered takes its light from what has long been seen. The pixels of level i + 1 lie as far apart as those of level i
+//! reach, so that three levels together are a mean over 27x27 pixels without gaps. Weights come from feature buffers and lengths
+//! alone: the filter is linear in the light, and keeps its energy. Radii are in pixels of any image, since so is the noise.
+//! Background passes through.
+
+#[cfg(feature = "cpu")]
+pub(crate) mod cpu;
+pub mod reference;
+
+use crate::reach::Reach;
+use crate::settings::YoungFilter;
+use crate::stages::glossy_bilateral::LOBE_SPREAD;
+
+/// Levels.
+pub(crate) const LEVELS: usize = 3;
+
+/// Pixels between the taps of a level.
+#[inline(always)]
+pub(crate) const fn step_px(level: u32) -> usize {
+    3usize.pow(level)
+}
+
+/// F_i: the history length from which on each level does nothing.
+pub(crate) fn ends(s: &YoungFilter) -> [f32; LEVELS] {
+    [s.frames, s.frames * s.falloff, s.frames * s.falloff * s.falloff]
+}
+
+/// How far a level looks.
+pub(crate) fn reach(level: u32) -> Reach {
+    Reach::around(step_px(level))
+}
+
+/// The part of s that depends on the history length; `end` is above 1.
+#[inline(always)]
+pub(crate) fn fade(length: f32, end: f32) -> f32 {
+    let left = (end - length) * (1.0 / (end - 1.0));
+    let left = if left < 1.0 { left } else { 1.0 };
+    if left > 0.0 { left } else { 0.0 }
+}
+
+/// A lobe's footprint in distances between the taps of a level.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Lobe {
+    /// Over the squared roughness: `lobe` 2 f / 3^i.
+    gain: f32,
+    /// `least_lobe` / 3^i.
+    least: f32,
+}
+
+impl Lobe {
+    /// For a focal length in pixels.
+    pub(crate) fn new(s: &YoungFilter, focal_px: f32, level: u32) -> Self {
+        let step = step_px(level) as f32;
+        Self { gain: s.lobe * LOBE_SPREAD * focal_px / step, least: s.least_lobe / step }
+    }
+
+    /// The part of s that depends on the lobe.
+    #[inline(always)]
+    pub(crate) fn room(&self, roughness: f32) -> f32 {
+        let room = self.gain * (roughness * roughness) + self.least;
+        if room < 1.0 { room } else { 1.0 }
+    }
+}
+
+/// How much a pixel counts: its frames, `most` at most.
+#[inline(always)]
+pub(crate) fn counted(length: f32, most: f32) -> f32 {
+    if length < most { length } else { most }
+}
