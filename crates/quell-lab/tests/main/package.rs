@@ -164,6 +164,10 @@ fn cases() -> Vec<(Size, Vec<Change>)> {
                 ("direct_taa.motion_falloff", "3.3"),
                 ("edge.monotone", "on"),
                 ("edge.matte_gloss", "0.3"),
+                ("young_filter.frames", "23.7"),
+                ("young_filter.falloff", "0.37"),
+                ("young_filter.lobe", "0.7"),
+                ("young_filter.least_lobe", "0.3"),
             ],
         ),
         (
