@@ -83,7 +83,7 @@ parameters! {
             higher "Cheaper, a little blocky.", lower "Dearer.", source "ours";
         light_deviations: f32 = 1.0, 0.0..=64.0, "standard deviations", "How far a light's mean around the pixel may differ in another frame, in deviations of both means, where noise is weak.",
             higher "Less noise; moving shadows and highlights smear.", lower "Noisier where light changes.", source "ours: docs/sequence.md";
-        light_deviations_high: f32 = 2.5, 0.0..=64.0, "standard deviations", "The same where noise is strong: few samples a pixel have rare bright ones.",
+        light_deviations_high: f32 = 2.0, 0.0..=64.0, "standard deviations", "The same where noise is strong: few samples a pixel have rare bright ones.",
             higher "Less noise; moving shadows and highlights smear.", lower "Noisier.", source "ours";
         light_noise: f32 = 0.03, 0.0..=16.0, "of the light", "Deviation of the means at which it lies half between (in squares).",
             higher "`gather.light_deviations` counts sooner.", lower "Later.", source "ours";
@@ -93,7 +93,7 @@ parameters! {
             higher "Stripes and edges of shadows mix; steadier means.", lower "They stay apart; means of few pixels.", source "ours: docs/sequence.md";
         mean_windows: f32 = 2.0, 0.0..=1e6, "noise of both", "Squared difference at which the mean of another 5x5 pixels, of those within 25x25, counts half.",
             higher "Steadier means, edges of shadows mix.", lower "A slow change of light is lost in the noise of few samples.", source "ours";
-        mean_unsure: f32 = 16.0, 0.0..=1e6, "times its variance", "Variance of the mean of other 5x5 pixels beyond which it counts less: beside a lamp light is bright and noisy, and would hide what changes here.",
+        mean_unsure: f32 = 64.0, 0.0..=1e6, "times its variance", "Variance of the mean of other 5x5 pixels beyond which it counts less: beside a lamp light is bright and noisy, and would hide what changes here.",
             higher "A change of light is lost beside bright noise.", lower "Means are of fewer pixels; few samples are taken for other light.", source "ours: docs/sequence.md";
         mean_strong: f32 = 0.1, 1e-3..=16.0, "of the light", "Noise of one pixel from which pixels that differ more count, too.",
             higher "Pixels choose those that are as bright by chance.", lower "Stripes mix.", source "ours";

@@ -91,8 +91,7 @@ fn light_likeness(here: vec2f, there: vec2f) -> f32 {
         return 1.0;
     }
     let left = allowed / squared;
-    let second = left * left;
-    return second * second;
+    return left * left * left;
 }
 
 // Of one of the four planes; black light has mean 0.
