@@ -28,14 +28,12 @@ impl Quell {
         };
         let mut parts = variant.split('+');
         let preset = parts.next().unwrap_or_default();
-        let mut settings = match preset {
-            name => match name.parse::<Preset>() {
-                Ok(preset) => Settings::preset(preset),
-                Err(_) => {
-                    let mut known = Preset::ALL.iter().map(|p| p.name()).chain(["sequence"]);
-                    return Err(unknown(name, &mut known));
-                }
-            },
+        let mut settings = match preset.parse::<Preset>() {
+            Ok(preset) => Settings::preset(preset),
+            Err(_) => {
+                let mut known = Preset::ALL.iter().map(|p| p.name()).chain(["sequence"]);
+                return Err(unknown(preset, &mut known));
+            }
         };
         for part in parts {
             if let Some((name, value)) = part.split_once('=') {
