@@ -386,7 +386,7 @@ class Tables(unittest.TestCase):
             settings = {p.name: p.default for p in table}
             quell.Sequence(settings=settings) if preset == "sequence" else quell.Denoiser((4, 4), settings=settings)
             self.assertTrue(all(p.doc and p.range and p.source for p in table))
-        with self.assertRaisesRegex(quell.InputError, "unknown preset `x`; there are: paper, sequence"):
+        with self.assertRaisesRegex(quell.InputError, "unknown preset `x`; there are: paper, quality, sequence"):
             quell.parameters("x")
 
 
