@@ -320,7 +320,7 @@ pub enum ReproducePart {
     Paths,
 }
 
-/// Print the pipeline of a preset (paper, sequence) as it will run, with every parameter; or what a scene holds
+/// Print the pipeline of a preset (paper, quality, sequence) as it will run, with every parameter; or what a scene holds
 #[derive(Debug, Args)]
 #[command(before_help = "Example: quell explain --set firefly.enabled=off")]
 pub struct ExplainArgs {
