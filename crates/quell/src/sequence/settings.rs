@@ -93,8 +93,6 @@ parameters! {
             higher "Stripes and edges of shadows mix; steadier means.", lower "They stay apart; means of few pixels.", source "ours: docs/sequence.md";
         mean_windows: f32 = 2.0, 0.0..=1e6, "noise of both", "Squared difference at which the mean of another 5x5 pixels, of those within 25x25, counts half.",
             higher "Steadier means, edges of shadows mix.", lower "A slow change of light is lost in the noise of few samples.", source "ours";
-        mean_unsure: f32 = 64.0, 0.0..=1e6, "times its variance", "Variance of the mean of other 5x5 pixels beyond which it counts less: beside a lamp light is bright and noisy, and would hide what changes here.",
-            higher "A change of light is lost beside bright noise.", lower "Means are of fewer pixels; few samples are taken for other light.", source "ours: docs/sequence.md";
         mean_strong: f32 = 0.1, 1e-3..=16.0, "of the light", "Noise of one pixel from which pixels that differ more count, too.",
             higher "Pixels choose those that are as bright by chance.", lower "Stripes mix.", source "ours";
         mean_least: f32 = 1.5, 1.0..=16.0, "times", "By how much the noise of a pixel, the least of second differences along four directions, is taken larger.",

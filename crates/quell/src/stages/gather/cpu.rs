@@ -664,6 +664,6 @@ impl<S: Simd> Likeness<S> {
         let allowed = (self.low + self.range * share) * noise + contrast * contrast;
         let squared = d * d;
         let left = allowed / squared;
-        squared.simd_le(allowed).select(1.0f32.simd_into(d.simd), left * left * left)
+        squared.simd_le(allowed).select(1.0f32.simd_into(d.simd), left * left)
     }
 }

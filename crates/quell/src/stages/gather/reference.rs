@@ -108,7 +108,7 @@ fn same_light(here: [f32; 2], there: [f32; 2], s: &Gather) -> f32 {
     let low = s.light_deviations.powi(2);
     let high = s.light_deviations_high.powi(2).max(low);
     let allowed = (low + (high - low) * noisy) * variance + (s.light_contrast * mean).powi(2);
-    (allowed / (here[0] - there[0]).powi(2)).min(1.0).powi(3)
+    (allowed / (here[0] - there[0]).powi(2)).min(1.0).powi(2)
 }
 
 /// The pixel itself, and those of the other frames that show its surface, or what is reflected there.

@@ -91,7 +91,7 @@ fn light_likeness(here: vec2f, there: vec2f) -> f32 {
         return 1.0;
     }
     let left = allowed / squared;
-    return left * left * left;
+    return left * left;
 }
 
 // Of one of the four planes; black light has mean 0.

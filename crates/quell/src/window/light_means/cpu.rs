@@ -347,13 +347,12 @@ impl Job<'_> {
             for ((qy, at), mask) in taps[..count].iter().zip(masks) {
                 let other = load_halves::<EDGE, _>(simd, row(l, *qy), *at);
                 let others = load_halves::<EDGE, _>(simd, row(n + l, *qy), *at).max_precise(zero);
-                let (others, difference) = (others * others, other - mean);
-                let t = (own + others) * s.mean_windows;
-                let surer = (own * s.mean_unsure / (others + LEAST)).min(1.0);
-                let weight = t / (t + difference * difference) * surer;
+                let (noise, difference) = (own + others * others, other - mean);
+                let t = noise * s.mean_windows;
+                let weight = t / (t + difference * difference);
                 let weight = (*mask & t.simd_gt(zero)).select(weight, zero);
                 sum += weight * other;
-                variance += weight * weight * others;
+                variance += weight * weight * others * others;
                 total += weight;
             }
             // Below 0: without noise.

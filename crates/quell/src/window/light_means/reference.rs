@@ -159,11 +159,11 @@ fn wide(f: &Features, lights: &[Asked], near: &[[f16; 2]], s: &Gather) -> Vec<[f
                     for (light, sum) in sums.iter_mut().enumerate() {
                         if same || !lights[light].bounded {
                             let ([mean, deviation], [other, others]) = (at(p, light), at(q, light));
-                            let (own, others, difference) = (deviation * deviation, others * others, other - mean);
-                            let t = (own + others) * s.mean_windows;
-                            let surer = (own * s.mean_unsure / (others + LEAST)).min(1.0);
-                            let weight = if t > 0.0 { t / (t + difference * difference) * surer } else { 0.0 };
-                            *sum = [sum[0] + weight * other, sum[1] + weight * weight * others, sum[2] + weight];
+                            let (noise, difference) = (deviation * deviation + others * others, other - mean);
+                            let t = s.mean_windows * noise;
+                            let weight = if t > 0.0 { t / (t + difference * difference) } else { 0.0 };
+                            *sum =
+                                [sum[0] + weight * other, sum[1] + weight * weight * others * others, sum[2] + weight];
                         }
                     }
                 }

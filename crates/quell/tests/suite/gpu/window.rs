@@ -506,7 +506,7 @@ pub const PLANTED: &[(Pass, &str, &str)] = &[
     (Pass::GATHER, "settings.light_noise * mean", "0.5 * settings.light_noise * mean"),
     (Pass::GATHER, "let low = settings.light_deviations", "let low = 0.5 * settings.light_deviations"),
     (Pass::GATHER, "let high = settings.light_deviations_high", "let high = 0.9 * settings.light_deviations_high"),
-    (Pass::GATHER, "return left * left * left", "return left * left"),
+    (Pass::GATHER, "return left * left", "return left"),
     (Pass::GATHER, "textureLoad(light_1", "textureLoad(light_0"),
     (Pass::GATHER, "dot(d, d) * 0.5", "dot(d, d) * 0.45"),
     (Pass::GATHER, "squares += weights * weights", "squares += weights"),
