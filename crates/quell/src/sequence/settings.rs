@@ -201,6 +201,8 @@ parameters! {
             higher "Bias stays with many samples a pixel.", lower "Noise stays with many samples a pixel.", source "ours: docs/sequence.md";
         guard_noise: f32 = 0.05, 0.0..=16.0, "of the brightness", "Deviation of the noise at which it lies half between (in squares).",
             higher "`blend.guard_low` counts sooner.", lower "Later; 0: never.", source "ours";
+        guard_input: f32 = 0.25, 0.0..=1.0, "of the squared noise", "Least share of the input's own changes, along the direction in which they are least, that counts as noise: what no filter but `stabilise` removes (wires, silhouettes and what they emit) does not show in what was removed.",
+            higher "The net is trusted further at wires and in fine structure.", lower "Wires and silhouettes keep their noise.", source "ours";
         visible: f32 = 0.01, 0.0..=1.0, "of the brightness", "Deviation of the noise at which half of it is left: weaker noise is not seen, and removing it not worth a bias.",
             higher "Faint noise stays.", lower "0: what the filter makes wrong stays however many samples there are.", source "ours: docs/sequence.md";
     }

@@ -312,7 +312,7 @@ impl Statistics {
             seen: [0, 1].map(|k| self.time[k].at(x, y, 1)),
             over_space: [0, 1].map(|k| self.space[k].at(x, y, 0)),
             input: [0, 1].map(|k| self.space[k].at(x, y, 1)),
-            along: (0..8).map(|k| self.along.at(x, y, k)).fold(f32::MAX, f32::min),
+            along: [0..4, 4..8].map(|of| of.map(|k| self.along.at(x, y, k)).fold(f32::MAX, f32::min)),
             apart: [near[0], near[1], near[2], wide[0], wide[1], wide[2]],
             detail: [self.near.at(x, y, 3), self.near.at(x, y, 4)],
             mean: [mean(0), mean(1), mean(2)],
@@ -376,7 +376,7 @@ fn draw_back(shares: &mut Plane<[f32; 3]>, differences: &Rows, stats: &Statistic
     let difference = pool(&squared, NOISE_NEAR);
     par::rows(shares.data_mut(), w, |y, row| {
         for (x, share) in row.iter_mut().enumerate() {
-            let noise = stats.at(x, y, false).least_noise();
+            let noise = stats.at(x, y, false).least_noise(s);
             let kept = drawn_back(difference.at(x, y, 0), noise, s);
             let [_, wavelet, steady] = share.map(|v| v * kept);
             *share = [1.0 - (wavelet + steady), wavelet, steady];

@@ -20,7 +20,8 @@
 //! The shares steer pictures and passes alike, so that passes add up. Whatever the net says, a mixture that lies further from
 //! the input than `blend.guard` times the noise explains is drawn back to it; and so is every mixture where the noise is too weak to be
 //! seen (`blend.visible`), so that the output tends to the input as samples grow. The noise for that is the least of all
-//! that is known, that along edges and stripes of the input included.
+//! that is known, that along edges and stripes of the input included, but no less than a share (`blend.guard_input`) of the latter: noise
+//! that the wavelet did not remove is not in what it removed.
 
 #[cfg(feature = "cpu")]
 pub(crate) mod cpu;
@@ -155,8 +156,9 @@ pub(crate) struct Pooled {
     pub over_space: [f32; 2],
     /// Detail and noise of the input together, near and wide: no noise is larger.
     pub input: [f32; 2],
-    /// Second differences of the input along the direction in which it changes least: edges and stripes are no noise.
-    pub along: f32,
+    /// Second differences along the direction in which they are least, of the input and of input less wavelet: edges and stripes are
+    /// no noise.
+    pub along: [f32; 2],
     /// Input to wavelet, input to stabilised, wavelet to stabilised; near, then wide.
     pub apart: [f32; 6],
     /// Detail of the stabilised picture and of the wavelet's.
@@ -174,10 +176,13 @@ impl Pooled {
         (if self.seen[wide] > LEAST_SEEN { (time / self.seen[wide]).min(space) } else { space }).max(LEAST)
     }
 
-    /// The least that the noise near the pixel may be: what the result may lie from the input is counted in it.
+    /// The least that the noise near the pixel may be: what the result may lie from the input is counted in it. What the wavelet did not
+    /// remove (the noise of wires and silhouettes, of what they emit) is not in input less wavelet: a share of the input's own counts always.
     #[inline(always)]
-    pub(crate) fn least_noise(&self) -> f32 {
-        self.noise(0).min(self.along).max(LEAST)
+    pub(crate) fn least_noise(&self, s: &Settings) -> f32 {
+        let [input, removed] = self.along;
+        let input = input.min(self.input[0]);
+        self.noise(0).min(removed).max(s.guard_input * input).min(input).max(LEAST)
     }
 
     /// What the net reads.

@@ -42,7 +42,7 @@ pub fn run(
     };
     let shares = Plane::from_fn(size, |x, y| {
         let difference = mean(w, h, (x, y), NOISE_NEAR, moved) as f32;
-        let kept = drawn_back(difference, pooled.at(x, y).least_noise(), s);
+        let kept = drawn_back(difference, pooled.at(x, y).least_noise(s), s);
         let [_, wavelet, steady] = wanted.at(x, y).0.map(|v| v * kept);
         [1.0 - (wavelet + steady), wavelet, steady]
     });
@@ -174,9 +174,10 @@ pub(crate) fn pooled(
             seen: [NOISE_NEAR, NOISE_WIDE].map(|r| pool(r, &|x, y| time.at(x, y).seen)),
             over_space: [NOISE_NEAR, NOISE_WIDE].map(|r| pool(r, &space)),
             input: [NOISE_NEAR, NOISE_WIDE].map(|r| pool(r, &|x, y| detail(here.input, x, y) / f64::from(HIGH_PASS))),
-            along: (DIRECTIONS.into_iter())
-                .flat_map(|d| [second(&|x, y| wavelet.at(x, y), d), input_second(d)])
-                .fold(f32::MAX, f32::min),
+            along: [
+                DIRECTIONS.into_iter().map(input_second).fold(f32::MAX, f32::min),
+                DIRECTIONS.into_iter().map(|d| second(&|x, y| wavelet.at(x, y), d)).fold(f32::MAX, f32::min),
+            ],
             apart: [
                 pool(NEAR, &|x, y| squared(wavelet.at(x, y))),
                 pool(NEAR, &|x, y| squared(stabilised.at(x, y))),
