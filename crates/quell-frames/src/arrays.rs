@@ -1,9 +1,10 @@
-//! A frame in memory as an image: named passes instead of a file's channels, so that arrays take the way of files.
+//! A frame in memory as an image: named passes instead of a file's channels, so that arrays take the way of files. And planes of the
+//! real-time filter's frames by their names.
 
 use crate::error::Error;
 use crate::image::{AttributeValue, ExrImage, Samples};
 use crate::roles::{Aliases, Role};
-use quell::Size;
+use quell::{FrameBuf, Plane, Size};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
@@ -94,4 +95,53 @@ pub fn filtered<'i>(image: &'i ExrImage, name: &str, components: usize) -> Optio
     };
     let found: Vec<&Samples> = letters.iter().map_while(replaced).collect();
     (found.len() >= components.min(3)).then_some(found)
+}
+
+/// Puts a plane into a frame of the real-time filter by its name: `direct`, `matte`, `glossy`, `direct_matte`, `direct_glossy`,
+/// `matte_weight`, `glossy_weight`, `depth` (view depth), `normal`, `roughness`, `motion`, `glossy_hit_distance`, `surface_id` (whole numbers),
+/// `confidence`; what each holds: [`quell::Frame`]. `values` lie pixel by pixel, rows from the top.
+///
+/// # Errors
+/// [`Error::Invalid`] for another name, another number of channels, or other than as many values as pixels times channels.
+pub fn set_plane(frame: &mut FrameBuf, name: &str, values: Vec<f32>, channels: usize) -> Result<(), Error> {
+    let size = frame.size;
+    let invalid = |reason: String| Error::invalid(Path::new(name), reason);
+    if values.len() != size.pixels() * channels {
+        return Err(invalid(format!("{} numbers, not {channels} for each of {size} pixels", values.len())));
+    }
+    fn pixels<const N: usize>(values: Vec<f32>, channels: usize, size: Size) -> Result<Plane<[f32; N]>, String> {
+        if channels != N {
+            return Err(format!("{channels} channels, expected {N}"));
+        }
+        let (pixels, _) = values.as_chunks::<N>();
+        Plane::from_vec(size, pixels.to_vec()).map_err(|error| error.to_string())
+    }
+    let number = |values| match channels {
+        1 => Plane::from_vec(size, values).map_err(|error| error.to_string()),
+        _ => Err(format!("{channels} channels, expected 1")),
+    };
+    let set = || -> Result<(), String> {
+        match name {
+            "direct" => frame.direct = Some(pixels(values, channels, size)?),
+            "matte" => frame.matte = Some(pixels(values, channels, size)?),
+            "glossy" => frame.glossy = Some(pixels(values, channels, size)?),
+            "direct_matte" => frame.direct_matte = Some(pixels(values, channels, size)?),
+            "direct_glossy" => frame.direct_glossy = Some(pixels(values, channels, size)?),
+            "matte_weight" => frame.matte_weight = Some(pixels(values, channels, size)?),
+            "glossy_weight" => frame.glossy_weight = Some(pixels(values, channels, size)?),
+            "depth" => frame.view_depth = Some(number(values)?),
+            "normal" => frame.normal = Some(pixels(values, channels, size)?),
+            "roughness" => frame.roughness = Some(number(values)?),
+            "motion" => frame.motion = Some(pixels(values, channels, size)?),
+            "glossy_hit_distance" => frame.glossy_hit_distance = Some(number(values)?),
+            "confidence" => frame.confidence_in = Some(number(values)?),
+            "surface_id" => {
+                let ids = number(values)?.into_vec().into_iter().map(|id| id as u32).collect();
+                frame.surface_id = Plane::from_vec(size, ids).ok();
+            }
+            _ => return Err("the real-time filter has no such plane".to_owned()),
+        }
+        Ok(())
+    };
+    set().map_err(invalid)
 }

@@ -97,17 +97,3 @@ pub fn colour_bytes<'py>(py: Python<'py>, plane: &Plane<[f32; 3]>) -> PyResult<B
         Ok(())
     })
 }
-
-/// A plane of so many numbers a pixel.
-pub fn plane<const N: usize>(
-    name: &str,
-    numbers: Vec<f32>,
-    channels: usize,
-    size: Size,
-) -> Result<Plane<[f32; N]>, Failure> {
-    if channels != N {
-        return Err(Failure::input(format!("{name}: {channels} channels, expected {N}")));
-    }
-    let (pixels, _) = numbers.as_chunks::<N>();
-    Ok(Plane::from_vec(size, pixels.to_vec())?)
-}

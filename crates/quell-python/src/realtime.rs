@@ -1,6 +1,6 @@
 //! The real-time filter, frame by frame.
 
-use crate::buffers::{Numbers, PyPass, colour_bytes, numbers, plane, scalar_bytes};
+use crate::buffers::{Numbers, PyPass, colour_bytes, numbers, scalar_bytes};
 use crate::failure::Failure;
 use crate::listen::pool;
 use crate::sequence::backend;
@@ -8,6 +8,7 @@ use crate::tables::realtime_settings;
 use pyo3::prelude::*;
 use pyo3::types::{PyByteArray, PyDict};
 use quell::{Camera, FrameBuf, Plane, Size};
+use quell_frames::arrays::set_plane;
 use std::sync::{Mutex, MutexGuard};
 
 /// Clip from world (column-major), position, jitter in pixels.
@@ -70,7 +71,7 @@ impl Realtime {
             let (Numbers::Float(values), channels) = numbers(name, buffer, *halves, self.size)? else {
                 return Err(Failure::input(format!("{name}: float32 is needed")).into());
             };
-            put(&mut frame, name, values, channels, self.size)?;
+            set_plane(&mut frame, name, values, channels).map_err(Failure::from)?;
         }
         let mut inner = self.lock()?;
         let denoiser = &mut *inner;
@@ -128,32 +129,4 @@ fn of((clip_from_world, position, jitter): PyCamera) -> Camera {
 #[pyfunction]
 pub fn perspective(position: [f32; 3], forward: [f32; 3], up: [f32; 3], vertical_fov: f32, aspect: f32) -> [f32; 16] {
     Camera::perspective(position, forward, up, vertical_fov, aspect).clip_from_world
-}
-
-fn put(frame: &mut FrameBuf, name: &str, values: Vec<f32>, channels: usize, size: Size) -> Result<(), Failure> {
-    let single = |values| -> Result<Plane<f32>, Failure> {
-        let plane = plane::<1>(name, values, channels, size)?;
-        Ok(Plane::from_vec(size, plane.into_vec().into_iter().map(|[v]| v).collect())?)
-    };
-    match name {
-        "direct" => frame.direct = Some(plane(name, values, channels, size)?),
-        "matte" => frame.matte = Some(plane(name, values, channels, size)?),
-        "glossy" => frame.glossy = Some(plane(name, values, channels, size)?),
-        "direct_matte" => frame.direct_matte = Some(plane(name, values, channels, size)?),
-        "direct_glossy" => frame.direct_glossy = Some(plane(name, values, channels, size)?),
-        "matte_weight" => frame.matte_weight = Some(plane(name, values, channels, size)?),
-        "glossy_weight" => frame.glossy_weight = Some(plane(name, values, channels, size)?),
-        "depth" => frame.view_depth = Some(single(values)?),
-        "normal" => frame.normal = Some(plane(name, values, channels, size)?),
-        "roughness" => frame.roughness = Some(single(values)?),
-        "motion" => frame.motion = Some(plane(name, values, channels, size)?),
-        "glossy_hit_distance" => frame.glossy_hit_distance = Some(single(values)?),
-        "confidence" => frame.confidence_in = Some(single(values)?),
-        "surface_id" => {
-            let ids = single(values)?.into_vec().into_iter().map(|id| id as u32).collect();
-            frame.surface_id = Some(Plane::from_vec(size, ids)?);
-        }
-        other => return Err(Failure::input(format!("{other}: the real-time filter has no such plane"))),
-    }
-    Ok(())
 }

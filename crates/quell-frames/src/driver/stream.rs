@@ -54,6 +54,8 @@ pub struct Stream {
     options: StreamOptions,
     first: Option<(i64, ExrImage)>,
     shot: Option<Shot>,
+    /// Number of the frame that was taken last.
+    last: Option<i64>,
     reach: usize,
 }
 
@@ -83,7 +85,7 @@ impl Stream {
     /// [`Error::Filter`] for a setting out of its range.
     pub fn new(options: StreamOptions) -> Result<Self, Error> {
         let reach = SequenceDenoiser::new(options.settings.clone()).map_err(Error::Filter)?.reach();
-        Ok(Self { options, first: None, shot: None, reach })
+        Ok(Self { options, first: None, shot: None, last: None, reach })
     }
 
     /// How many frames a frame sees on each side.
@@ -112,12 +114,18 @@ impl Stream {
     /// waited comes out first.
     ///
     /// # Errors
-    /// [`Error::Invalid`] where the frame does not fit the first one: it is left out, the others stay. Where what the first
+    /// [`Error::Invalid`] where the frame does not fit the first one, or has no higher number than the last: it is left out, the others stay. Where what the first
     /// frames bring cannot be filtered, they are given up. [`Error::Filter`]: the frames inside are given up.
     pub fn push(&mut self, number: i64, image: ExrImage, out: Out<'_>) -> Result<(), Error> {
+        if let Some(last) = self.last.filter(|last| !self.is_empty() && number <= *last) {
+            let reason = format!(
+                "number {number} after {last}; numbers rise within a sequence, and another one begins after a flush"
+            );
+            return Err(Error::invalid(image.path(), reason));
+        }
         if self.shot.is_none() {
             let Some((first_number, first)) = self.first.take() else {
-                self.first = Some((number, image));
+                (self.first, self.last) = (Some((number, image)), Some(number));
                 return Ok(());
             };
             let follows = first_number.checked_add(1) == Some(number) && layout_of(&first) == layout_of(&image);
@@ -207,6 +215,7 @@ impl Stream {
             denoisers.finish(&mut give)?;
         }
         denoisers.push(number, Loaded { images, frames, cut }, true, &mut give)?;
+        self.last = Some(number);
         failed.map_or(Ok(()), Err)
     }
 

@@ -207,6 +207,22 @@ fn names_match_from_the_right_without_case_and_groups_keep_their_names() {
     let error = mapped(&layers, &MapOptions { layer: Some("C".into()), ..default.clone() }).unwrap_err().to_string();
     assert!(error.contains("`A`") && error.contains("`B`"), "{error}");
 
+    // What Blender 5.2 adds to its denoising data is known, and is neither the picture nor light.
+    let data =
+        ["Denoising Albedo", "Denoising Normal", "Denoising Specular Albedo", "Denoising Roughness", "Denoising Depth"];
+    let layers: Vec<String> = ["Noisy Image"].iter().chain(&data).map(|name| format!("ViewLayer.{name}")).collect();
+    let m = &mapped(&layers.iter().map(String::as_str).collect::<Vec<_>>(), &default).unwrap()[0];
+    let expected = [
+        "beauty=ViewLayer.Noisy Image/3",
+        "seen_albedo=ViewLayer.Denoising Albedo/3",
+        "seen_normal=ViewLayer.Denoising Normal/3",
+        "seen_depth=ViewLayer.Denoising Depth/1",
+        "roughness=ViewLayer.Denoising Roughness/1",
+        "steady_part=ViewLayer.Denoising Specular Albedo/3",
+    ];
+    assert_eq!((m.renderer.name.as_str(), lines(m)), ("blender", expected.map(String::from).to_vec()));
+    assert_eq!(m.others, Vec::<String>::new());
+
     // A picture under a name of the user's own.
     let m = &mapped(&["my render", "albedo"], &default).unwrap()[0];
     assert_eq!(m.get(Role::Beauty).unwrap().name, "my render");

@@ -145,6 +145,11 @@ fn passes_by_argument_and_by_a_renderers_name_are_found_and_come_back() {
     // One with other passes is left out, and the others stay.
     let error = stream.push(3, image(3, passes(3).split_off(2)).0, &mut out).unwrap_err().to_string();
     assert!(error.contains("frame 3: its passes are not those"), "{error}");
+    // So is one whose number does not rise.
+    for number in [2, 1] {
+        let error = stream.push(number, image(number, passes(number)).0, &mut out).unwrap_err().to_string();
+        assert!(error.contains(&format!("number {number} after 2; numbers rise")), "{error}");
+    }
     stream.push(3, image(3, passes(3)).0, &mut out).unwrap();
     stream.flush(&mut out).unwrap();
     assert_eq!(came.iter().map(|c: &Cleaned| c.number).collect::<Vec<_>>(), [1, 2, 3]);
