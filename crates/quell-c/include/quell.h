@@ -1,6 +1,9 @@
-/* quell: removes the noise from path-traced animations. The C interface, C11 and C++17. docs/c.md has a worked example.
+/* quell: removes the noise from path-traced light. The C interface, C11 and C++17. docs/c.md has worked examples.
  *
- * Every function that can fail returns a quell_status; quell_sequence_message has the sentence. A handle is used by one thread at
+ * quell_sequence is the filter of animations, which looks at frames before and after each one; quell_realtime the filter of the next
+ * frame.
+ *
+ * Every function that can fail returns a quell_status; quell_..._message has the sentence. A handle is used by one thread at
  * a time (another gets QUELL_BUSY), several handles by several threads. Nothing is global, nothing is printed, nothing aborts.
  * Callbacks run in the calling thread, before the call returns, and must not throw.
  *
@@ -27,6 +30,7 @@ typedef int quell_status;
 /* Types of numbers. */
 #define QUELL_F16 1u
 #define QUELL_F32 2u
+#define QUELL_U32 3u /* for surface_id alone */
 
 /* The library's version, such as "0.1.0". */
 const char *quell_version(void);
@@ -54,7 +58,7 @@ typedef struct quell_pass {
 /* A frame. All frames of a sequence have the same size and the same passes. */
 typedef struct quell_frame {
     size_t struct_size;
-    int64_t number; /* one that does not follow the last by one begins a new shot */
+    int64_t number; /* a gap begins a new shot; one that is not higher than the last is refused, unless that was flushed */
     uint32_t width;
     uint32_t height;
     const quell_pass *passes;
@@ -125,6 +129,71 @@ size_t quell_sequence_message(const quell_sequence *sequence, char *text, size_t
 
 /* Frees it; NULL is nothing. A handle that was freed is refused where that can be seen, which is not always. */
 void quell_sequence_free(quell_sequence *sequence);
+
+/* The real-time filter: one frame in, the same frame out, with the history of those before. On the CPU; for the GPU take its shaders
+ * (docs/shaders.md). */
+typedef struct quell_realtime quell_realtime;
+
+typedef struct quell_realtime_options {
+    size_t struct_size;
+    uint32_t width;
+    uint32_t height;
+    uint32_t threads;   /* 0: as many as the machine has */
+    const char *preset; /* "paper", "quality"; NULL: "paper" */
+} quell_realtime_options;
+
+/* The camera of a frame. World space is right-handed; clip space has x to the right, y up. */
+typedef struct quell_camera {
+    size_t struct_size;
+    float clip_from_world[16]; /* column-major, without jitter: projection times view */
+    float position[3];         /* of the eye, in world space */
+    float jitter[2];           /* where samples lie, in pixels from the pixels' centres, x right, y down */
+} quell_camera;
+
+/* A frame of the real-time filter. Planes are described as passes are, by name (role is not read):
+ *
+ *   direct                       3  radiance free of noise: emission, sky, analytic or filtered direct light
+ *   matte, glossy                3  diffuse and specular light, without their weights
+ *   matte_weight, glossy_weight  3  what multiplies them back: the albedo and its like
+ *   direct_matte, direct_glossy  3  noisy direct light of the lobe, without its weight, added unfiltered
+ *   depth                        1  along the camera's axis; infinite or 0: no surface
+ *   normal                       3  world space, unit length, on the viewer's side; (0, 0, 0): no surface
+ *   motion                       2  pixels, x right, y down: previous = current + motion
+ *   roughness                    1  perceptual, 0..1
+ *   glossy_hit_distance          1  from the surface to what the glossy ray met; infinite: it left the scene
+ *   surface_id                   1  QUELL_U32, or a float that holds a whole number: other ids share no light
+ *   confidence                   1  your own trust in history, 0..1
+ *
+ * A frame needs matte, glossy or both; everything else may be left out. */
+typedef struct quell_realtime_frame {
+    size_t struct_size;
+    int64_t index; /* one that does not follow the last by one is a cut */
+    const quell_camera *camera;
+    const quell_camera *previous_camera; /* NULL: that of the last call */
+    const quell_pass *planes;
+    size_t plane_count;
+} quell_realtime_frame;
+
+/* Makes one. Where it fails *denoiser is not written, and message (NULL, or capacity bytes) has the sentence. */
+quell_status quell_realtime_create(const quell_realtime_options *options, quell_realtime **denoiser, char *message, size_t capacity);
+
+/* Sets a parameter by name, at any time; history is kept. `quell explain` and docs/parameters.md list them. */
+quell_status quell_realtime_set(quell_realtime *denoiser, const char *parameter, const char *value);
+
+/* Filters the next frame; *had_history (NULL: not wanted) is 1 where it continued the one before. After an error history is as it
+ * was. */
+quell_status quell_realtime_denoise(quell_realtime *denoiser, const quell_realtime_frame *frame, int *had_history);
+
+/* Puts what the last frame became where target says: color (3, the sum), direct, matte, glossy (3, without weights), confidence
+ * (1, 0..1), history_length (1, frames). */
+quell_status quell_realtime_read(quell_realtime *denoiser, const char *name, const quell_target *target);
+
+/* Forgets history and the last frame. */
+quell_status quell_realtime_reset(quell_realtime *denoiser);
+
+/* As for a sequence. */
+size_t quell_realtime_message(const quell_realtime *denoiser, char *text, size_t capacity);
+void quell_realtime_free(quell_realtime *denoiser);
 
 #ifdef __cplusplus
 }

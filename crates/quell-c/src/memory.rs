@@ -119,16 +119,65 @@ pub unsafe fn read(data: *const c_void, layout: &Layout, size: Size) -> Vec<Samp
     (0..layout.channels).map(one).collect()
 }
 
-/// Writes planes where the layout says.
+/// The numbers of all channels, pixel by pixel, rows from the top.
+///
+/// # Safety
+/// Numbers lie at `data` as the layout says, for every pixel.
+pub unsafe fn read_pixels(data: *const c_void, layout: &Layout, size: Size) -> Vec<f32> {
+    // SAFETY: as the caller promises.
+    let planes = unsafe { read(data, layout, size) };
+    (0..size.pixels()).flat_map(|pixel| planes.iter().map(move |plane| plane.get(pixel))).collect()
+}
+
+/// Whole numbers of 32 bits, one a pixel.
+///
+/// # Safety
+/// They lie at `data` as the layout says, for every pixel.
+pub unsafe fn read_ids(data: *const c_void, layout: &Layout, size: Size) -> Vec<u32> {
+    let places = (0..size.height).flat_map(|y| (0..size.width).map(move |x| layout.offset(0, x, y)));
+    let bytes = data.cast::<u8>();
+    // SAFETY: as the caller promises; numbers need not be aligned.
+    places.map(|at| unsafe { bytes.offset(at).cast::<u32>().read_unaligned() }).collect()
+}
+
+/// Struct number `index` of the frame's member `list`; each is as long as the first one says.
+///
+/// # Safety
+/// `first` is null or points to more than `index` such structs; `T` as for [`versioned`].
+pub unsafe fn listed<T: Copy>(list: &str, word: &str, first: *const T, index: usize) -> Result<T, Failure> {
+    if first.is_null() {
+        return Err(Failure::argument(format!("frame: {list} is null")));
+    }
+    // SAFETY: as the caller promises; sizes are the first members, and are checked before any other is read.
+    unsafe {
+        let length = first.cast::<usize>().read_unaligned();
+        versioned(&format!("{word} 0"), first)?;
+        let at = first.cast::<u8>().add(index * length).cast::<T>();
+        let of = versioned(&format!("{word} {index}"), at)?;
+        if at.cast::<usize>().read_unaligned() == length {
+            Ok(of)
+        } else {
+            Err(Failure::argument(format!("{word} {index}: struct_size differs from that of {word} 0")))
+        }
+    }
+}
+
+/// Writes so many channels where the layout says; `value(channel, pixel)` has the numbers.
 ///
 /// # Safety
 /// Numbers may be written to `data` as the layout says, for every pixel.
-pub unsafe fn write(planes: &[&Samples], data: *mut c_void, layout: &Layout, size: Size) {
+pub unsafe fn write(
+    channels: usize,
+    value: impl Fn(usize, usize) -> f32,
+    data: *mut c_void,
+    layout: &Layout,
+    size: Size,
+) {
     let bytes = data.cast::<u8>();
-    for (c, plane) in planes.iter().enumerate().take(layout.channels) {
+    for c in 0..channels.min(layout.channels) {
         for y in 0..size.height {
             for x in 0..size.width {
-                let (at, value) = (layout.offset(c, x, y), plane.get(y * size.width + x));
+                let (at, value) = (layout.offset(c, x, y), value(c, y * size.width + x));
                 // SAFETY: as the caller promises; numbers need not be aligned.
                 unsafe {
                     if layout.type_ == QUELL_F16 {

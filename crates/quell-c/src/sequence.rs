@@ -1,10 +1,10 @@
 //! The sequence filter.
 
+use crate::handle::{self, Handle, Inside, Pool, call};
 use crate::memory::{self, Layout};
 use crate::status::Failure;
 use crate::types::{
-    QUELL_INVALID_ARGUMENT, QUELL_OK, quell_frame, quell_pass, quell_ready, quell_sequence_options, quell_status,
-    quell_target, quell_warn,
+    QUELL_OK, quell_frame, quell_ready, quell_sequence_options, quell_status, quell_target, quell_warn,
 };
 use quell::Size;
 use quell::sequence::SequenceSettings;
@@ -12,24 +12,15 @@ use quell_frames::arrays::{ArrayPass, filtered, image_of};
 use quell_frames::driver::{Cleaned, Stream, StreamOptions};
 use quell_frames::{AdaptOptions, MapOptions, MotionChoice, Role, Samples};
 use std::ffi::{CString, c_char, c_void};
-use std::mem::ManuallyDrop;
 use std::panic::AssertUnwindSafe;
 use std::path::Path;
 use std::sync::mpsc::sync_channel;
-use std::sync::{Mutex, MutexGuard, TryLockError};
-use std::thread::JoinHandle;
 
-/// What a living handle begins with.
-const ALIVE: u64 = 0x7175_656c_6c5f_7365;
+/// The handle of C.
+pub type quell_sequence = Handle<Sequence>;
 
-pub struct quell_sequence {
-    alive: u64,
-    inner: Mutex<Inner>,
-    /// Of the last call that failed.
-    message: Mutex<String>,
-}
-
-struct Inner {
+/// What it holds.
+pub struct Sequence {
     options: StreamOptions,
     pool: Pool,
     stream: Option<Stream>,
@@ -41,33 +32,12 @@ struct Inner {
     warn_user: *mut c_void,
 }
 
-/// Threads that have ended when it is dropped: hosts unload libraries.
-struct Pool {
-    threads: ManuallyDrop<rayon::ThreadPool>,
-    handles: Vec<JoinHandle<()>>,
-}
+impl Inside for Sequence {
+    const WORD: &'static str = "sequence";
+    const ALIVE: u64 = 0x7175_656c_6c5f_7365;
 
-impl Pool {
-    /// So many threads; 0: as many as the machine has.
-    fn new(count: usize) -> Result<Self, Failure> {
-        let mut handles = Vec::new();
-        let spawn = |thread: rayon::ThreadBuilder| {
-            handles.push(std::thread::Builder::new().name("quell".to_owned()).spawn(|| thread.run())?);
-            Ok(())
-        };
-        let built = rayon::ThreadPoolBuilder::new().num_threads(count).spawn_handler(spawn).build();
-        let threads = built.map_err(|e| Failure::argument(format!("threads: cannot start {count}: {e}")))?;
-        Ok(Self { threads: ManuallyDrop::new(threads), handles })
-    }
-}
-
-impl Drop for Pool {
-    fn drop(&mut self) {
-        // SAFETY: it is dropped here only, and not used any more.
-        unsafe { ManuallyDrop::drop(&mut self.threads) };
-        for handle in self.handles.drain(..) {
-            let _ = handle.join();
-        }
+    fn reset(&mut self) {
+        (self.stream, self.told) = (None, false);
     }
 }
 
@@ -79,45 +49,7 @@ pub struct quell_clean {
     passes: Vec<(CString, usize)>,
 }
 
-/// Runs a call on a handle: one thread at a time, no panic, the message kept.
-fn call(sequence: *const quell_sequence, work: impl FnOnce(&mut Inner) -> Result<(), Failure>) -> quell_status {
-    // SAFETY: the header asks for a handle of `quell_sequence_create`; what is visibly none is refused.
-    let Some(sequence) = (unsafe { sequence.as_ref() }).filter(|sequence| sequence.alive == ALIVE) else {
-        return QUELL_INVALID_ARGUMENT;
-    };
-    let result = sequence.lock().and_then(|mut inner| {
-        let done = std::panic::catch_unwind(AssertUnwindSafe(|| work(&mut inner)));
-        done.unwrap_or_else(|_| {
-            inner.reset();
-            Err(Failure::panicked())
-        })
-    });
-    match result {
-        Ok(()) => QUELL_OK,
-        Err(failure) => {
-            if let Ok(mut message) = sequence.message.lock() {
-                *message = failure.message;
-            }
-            failure.status
-        }
-    }
-}
-
-impl quell_sequence {
-    fn lock(&self) -> Result<MutexGuard<'_, Inner>, Failure> {
-        match self.inner.try_lock() {
-            Ok(inner) => Ok(inner),
-            Err(TryLockError::Poisoned(poisoned)) => Ok(poisoned.into_inner()),
-            Err(TryLockError::WouldBlock) => Err(Failure::busy()),
-        }
-    }
-}
-
-impl Inner {
-    fn reset(&mut self) {
-        (self.stream, self.told) = (None, false);
-    }
-
+impl Sequence {
     fn warn(&self, text: &str) {
         if let (Some(warn), Ok(text)) = (self.warn, CString::new(text.replace('\0', " "))) {
             // SAFETY: the caller gave this function and its argument.
@@ -137,7 +69,7 @@ impl Inner {
         let mut stopped = false;
         let result = std::thread::scope(|scope| {
             let (to, from) = sync_channel::<Cleaned>(0);
-            let (pool, stream) = (&self.pool.threads, &mut stream);
+            let (pool, stream) = (&self.pool, &mut stream);
             let worker =
                 scope.spawn(move || pool.install(move || work(stream, &mut |cleaned| to.send(cleaned).is_ok())));
             while let Ok(mut cleaned) = from.recv() {
@@ -197,7 +129,8 @@ impl Inner {
         let mut passes = Vec::with_capacity(frame.pass_count.min(64));
         let mut names = Vec::new();
         for index in 0..frame.pass_count {
-            let pass = pass_at(frame, index)?;
+            // SAFETY: the header asks for as many structs.
+            let pass = unsafe { memory::listed("passes", "pass", frame.passes, index)? };
             let name = format!("pass {index}");
             // SAFETY: the header asks for strings that end with a zero.
             let (given, role) = unsafe { (memory::text(&name, pass.name)?, memory::text("role", pass.role)?) };
@@ -234,25 +167,7 @@ impl Inner {
     }
 }
 
-fn pass_at(frame: &quell_frame, index: usize) -> Result<quell_pass, Failure> {
-    if frame.passes.is_null() {
-        return Err(Failure::argument("frame: passes is null"));
-    }
-    // SAFETY: the header asks for `pass_count` structs, each as long as the first one says, which is checked before any other
-    // is read.
-    unsafe {
-        let first = memory::versioned("pass 0", frame.passes)?;
-        let at = frame.passes.cast::<u8>().add(index * first.struct_size).cast::<quell_pass>();
-        let pass = memory::versioned(&format!("pass {index}"), at)?;
-        if pass.struct_size == first.struct_size {
-            Ok(pass)
-        } else {
-            Err(Failure::argument(format!("pass {index}: struct_size differs from that of pass 0")))
-        }
-    }
-}
-
-fn create(options: *const quell_sequence_options) -> Result<quell_sequence, Failure> {
+fn create(options: *const quell_sequence_options) -> Result<Sequence, Failure> {
     let none = quell_sequence_options {
         struct_size: size_of::<quell_sequence_options>(),
         threads: 0,
@@ -281,7 +196,7 @@ fn create(options: *const quell_sequence_options) -> Result<quell_sequence, Fail
         backend: quell::Backend::default(),
         accelerator: None,
     };
-    let inner = Inner {
+    Ok(Sequence {
         options,
         pool,
         stream: None,
@@ -290,8 +205,7 @@ fn create(options: *const quell_sequence_options) -> Result<quell_sequence, Fail
         told: false,
         warn: given.warn,
         warn_user: given.warn_user,
-    };
-    Ok(quell_sequence { alive: ALIVE, inner: Mutex::new(inner), message: Mutex::default() })
+    })
 }
 
 /// See the header.
@@ -308,20 +222,7 @@ pub extern "C" fn quell_sequence_create(
     message: *mut c_char,
     capacity: usize,
 ) -> quell_status {
-    let made = std::panic::catch_unwind(|| {
-        if sequence.is_null() { Err(Failure::argument("sequence: a null pointer")) } else { create(options) }
-    });
-    let (status, text) = match made.unwrap_or_else(|_| Err(Failure::panicked())) {
-        Ok(made) => {
-            // SAFETY: it is not null, and the header asks for room for a pointer.
-            unsafe { sequence.write(Box::into_raw(Box::new(made))) };
-            (QUELL_OK, String::new())
-        }
-        Err(failure) => (failure.status, failure.message),
-    };
-    // SAFETY: the header asks for as many writable bytes.
-    unsafe { memory::put_text(&text, message, capacity) };
-    status
+    handle::create(sequence, message, capacity, || create(options))
 }
 
 /// See the header.
@@ -379,26 +280,13 @@ pub extern "C" fn quell_sequence_flush(
 /// See the header.
 #[unsafe(no_mangle)]
 pub extern "C" fn quell_sequence_message(sequence: *const quell_sequence, text: *mut c_char, capacity: usize) -> usize {
-    // SAFETY: as in `call`.
-    let Some(sequence) = (unsafe { sequence.as_ref() }).filter(|sequence| sequence.alive == ALIVE) else {
-        // SAFETY: the header asks for as many writable bytes.
-        return unsafe { memory::put_text("this is no sequence, or it was freed", text, capacity) };
-    };
-    let message = sequence.message.lock().map(|message| message.clone()).unwrap_or_default();
-    // SAFETY: the header asks for as many writable bytes.
-    unsafe { memory::put_text(&message, text, capacity) }
+    handle::message(sequence, text, capacity)
 }
 
 /// See the header.
 #[unsafe(no_mangle)]
 pub extern "C" fn quell_sequence_free(sequence: *mut quell_sequence) {
-    // SAFETY: the header asks for a handle of `quell_sequence_create` that no thread is using; what is visibly none is left alone.
-    unsafe {
-        if sequence.as_ref().is_some_and(|sequence| sequence.alive == ALIVE) {
-            (*sequence).alive = 0;
-            drop(Box::from_raw(sequence));
-        }
-    }
+    handle::free(sequence);
 }
 
 /// See the header.
@@ -442,9 +330,9 @@ pub extern "C" fn quell_clean_read(
         let Some(name) = name else {
             // The expected error of the picture.
             let noise = clean.cleaned.noise.as_ref().ok_or_else(|| Failure::argument("the stage `blend` is off"))?;
-            let plane = Samples::Float(noise.data().to_vec());
+            let value = |_: usize, pixel: usize| noise.data().get(pixel).copied().unwrap_or(0.0);
             // SAFETY: the header asks for room laid out like this.
-            unsafe { memory::write(&[&plane], target.data, &layout, clean.size) };
+            unsafe { memory::write(1, value, target.data, &layout, clean.size) };
             return Ok(());
         };
         let known = clean.passes.iter().find(|(other, _)| other.as_bytes() == name.as_bytes());
@@ -454,8 +342,9 @@ pub extern "C" fn quell_clean_read(
             let reason = format!("target: {} channels, and {name} has {}", layout.channels, planes.len());
             return Err(Failure::argument(reason));
         }
+        let value = |channel: usize, pixel: usize| planes.get(channel).map_or(0.0, |plane| plane.get(pixel));
         // SAFETY: the header asks for room laid out like this.
-        unsafe { memory::write(&planes, target.data, &layout, clean.size) };
+        unsafe { memory::write(planes.len(), value, target.data, &layout, clean.size) };
         Ok(())
     };
     match std::panic::catch_unwind(AssertUnwindSafe(read)) {

@@ -16,9 +16,9 @@ impl Failure {
     }
 
     /// Another thread is inside.
-    pub fn busy() -> Self {
-        let message = "this sequence is being used by another thread; each needs one of its own";
-        Self { status: QUELL_BUSY, message: message.to_owned() }
+    pub fn busy(word: &str) -> Self {
+        let message = format!("this {word} is being used by another thread; each needs one of its own");
+        Self { status: QUELL_BUSY, message }
     }
 
     /// The callback wanted no more.

@@ -11,6 +11,7 @@ pub const QUELL_FAILED: quell_status = 4;
 
 pub const QUELL_F16: u32 = 1;
 pub const QUELL_F32: u32 = 2;
+pub const QUELL_U32: u32 = 3;
 
 #[repr(C)]
 #[derive(Clone, Copy)]
@@ -63,4 +64,34 @@ pub struct quell_sequence_options {
     pub renderer: *const c_char,
     pub warn: quell_warn,
     pub warn_user: *mut c_void,
+}
+
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct quell_realtime_options {
+    pub struct_size: usize,
+    pub width: u32,
+    pub height: u32,
+    pub threads: u32,
+    pub preset: *const c_char,
+}
+
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct quell_camera {
+    pub struct_size: usize,
+    pub clip_from_world: [f32; 16],
+    pub position: [f32; 3],
+    pub jitter: [f32; 2],
+}
+
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct quell_realtime_frame {
+    pub struct_size: usize,
+    pub index: i64,
+    pub camera: *const quell_camera,
+    pub previous_camera: *const quell_camera,
+    pub planes: *const quell_pass,
+    pub plane_count: usize,
 }

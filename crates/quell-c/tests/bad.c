@@ -194,6 +194,10 @@ int main(void) {
         f = frame(number, p, 3);
         check(quell_sequence_push(s, &f, ready, &heard) == QUELL_OK, "a frame");
     }
+    for (int number = 5; number > 3; --number) {
+        f = frame(number, p, 3);
+        refused(s, quell_sequence_push(s, &f, ready, &heard), "after 5; numbers rise");
+    }
     refused(s, quell_sequence_set(s, "gather.frames", "1"), "frames are inside");
     check(quell_sequence_flush(s, ready, &heard) == QUELL_OK, "flushed");
     check(heard.count == 5 && heard.numbers[0] == 1 && heard.numbers[4] == 5, "all came out, in order");

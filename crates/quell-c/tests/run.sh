@@ -31,9 +31,16 @@ if command -v pkg-config >/dev/null; then
 else
     flags="-I$folder/prefix/include -L$folder/prefix/lib -lquell"
 fi
-# shellcheck disable=SC2086
-cc -std=c11 -D_POSIX_C_SOURCE=200809L -Wall -Wextra -Werror -g "$here/bad.c" -o "$folder/bad" $flags -lm -lpthread
-LD_LIBRARY_PATH=$folder/prefix/lib "${check[@]}" "$folder/bad"
+# The examples of docs/c.md, each a function.
+awk '/^```c$/ { printf "static void example_%d(void) {\n", ++count; inside = 1; next }
+     /^```$/ { if (inside) print "}"; inside = 0 }
+     inside' "$root/docs/c.md" > "$folder/examples.h"
+flags="$flags -I$folder"
+for program in bad realtime docs; do
+    # shellcheck disable=SC2086
+    cc -std=c11 -D_POSIX_C_SOURCE=200809L -Wall -Wextra -Werror -g "$here/$program.c" -o "$folder/$program" $flags -lm -lpthread
+    LD_LIBRARY_PATH=$folder/prefix/lib "${check[@]}" "$folder/$program"
+done
 
 if ! command -v cmake >/dev/null; then
     echo "SKIPPED: no cmake, the example is built without it"
