@@ -1,6 +1,6 @@
 // The page: runs the frames of frames.json through the package quell-denoise, shows noisy | denoised, says how far the result lies from
-// the one that came with the frames. `?from=FOLDER/` names another folder than quell-shaders/; `?program` takes the shaders and
-// settings of that folder in place of the package's.
+// the one that came with the frames. `?from=FOLDER/` names another folder than quell-shaders/; `?preset=quality` another preset than
+// `paper` (that of `quell shaders --preset`); `?program` takes the shaders and settings of that folder in place of the package's.
 
 import { Denoiser, loadProgram } from "quell-denoise";
 import { BYTES, read, texels } from "./texels.js";
@@ -151,7 +151,8 @@ async function run() {
   const [width, height] = extent;
   const jitter = frames.frames.some((frame) => frame.camera.jitter.some((v) => v !== 0));
   const program = parameters.has("program") ? await loadProgram(base) : undefined;
-  const denoiser = await Denoiser.create(device, { width, height, ...(program ? { program } : { jitter }) });
+  const preset = parameters.get("preset") ?? undefined;
+  const denoiser = await Denoiser.create(device, { width, height, ...(program ? { program } : { preset, jitter }) });
   const screen = await Screen.make(device, frames);
   /** By the package's names. */
   const inputs = {};

@@ -1,5 +1,6 @@
-// Writes `made/` from the command `quell`: every shader that a choice of signals and stages can need, which program each choice
-// is, and the table of parameters. Run it after a change of a shader, a stage's bindings or a parameter:
+// Writes `made/` from the command `quell`: the shader and the bindings of every pass, the resources that passes bind, the table of
+// parameters, and the values of the presets. Which passes a choice of signals and settings needs, and what each binds, is
+// src/plan.js. Run it after a change of a shader, of what a pass binds, of a parameter or of a preset:
 //
 //     node packages/quell-denoise/make.mjs target/release/quell
 //
@@ -19,44 +20,31 @@ if (!quell) {
 }
 const here = new URL(".", import.meta.url);
 
-/** What decides which stages run; the order is that of the bits of a program's number. */
-const SWITCHES = [
-  "matte", "glossy",
-  "matte_temporal.enabled", "matte_prefilter.enabled", "disocclusion.enabled", "firefly.enabled", "matte_bilateral.enabled",
-  "glossy_temporal.enabled", "glossy_bilateral.enabled", "direct_taa.enabled",
+/** Presets of the real-time filter; the first is the default. */
+const PRESETS = ["paper", "quality"];
+
+/** Options of `quell shaders` that together write every pass: fused, each alone, and those that can come first on the host's image. */
+const CHOICES = [
+  [],
+  ["--unfused"],
+  ["--preset", "quality"],
+  // Stage 5's second image has a texture of its own where it is not fed back.
+  ["--set", "pipeline.feedback=temporal"],
+  // Without history the first filter that is on reads the host's image.
+  ...[[], ["matte_prefilter"], ["matte_prefilter", "firefly"]].map((off) => (
+    ["matte_temporal", "glossy_temporal", ...off].flatMap((stage) => ["--set", `${stage}.enabled=off`])
+  )),
 ];
-/** Switches that count only where their signal is there. */
-const OF_SIGNAL = { matte: [2, 3, 4, 5, 6], glossy: [7, 8] };
 
 /** The settings' lengths belong to this height: then a length in pixels is the parameter's own value. */
 const SIZE = "1280x720";
 
-function numbers() {
-  const all = [];
-  for (let bits = 0; bits < 1 << SWITCHES.length; bits++) {
-    const [matte, glossy] = [bits & 1, bits & 2];
-    if (!matte && !glossy) continue;
-    if (!matte && OF_SIGNAL.matte.some((bit) => bits & (1 << bit))) continue;
-    if (!glossy && OF_SIGNAL.glossy.some((bit) => bits & (1 << bit))) continue;
-    all.push(bits);
-  }
-  return all;
-}
-
-async function manifestOf(bits, folder) {
-  const on = (bit) => (bits & (1 << bit)) !== 0;
-  const signals = SWITCHES.slice(0, 2).filter((_, bit) => on(bit));
-  const dir = join(folder, String(bits));
-  const options = ["shaders", dir, "--size", SIZE, "--signals", signals.join(",")];
-  SWITCHES.forEach((name, bit) => {
-    if (bit >= 2 && name !== "direct_taa.enabled" && !on(bit)) options.push("--set", `${name}=off`);
-  });
-  // Without jitter the plan has no anti-aliasing of direct light, as with the stage off.
-  if (!on(9)) options.push("--no-jitter");
-  await run(quell, options);
+async function manifestOf(options, folder) {
+  const dir = join(folder, "shaders");
+  await run(quell, ["shaders", dir, "--size", SIZE, ...options]);
   const manifest = JSON.parse(await readFile(join(dir, "manifest.json"), "utf8"));
   const texts = new Map();
-  for (const { file } of manifest.dispatches) texts.set(file, await readFile(join(dir, file), "utf8"));
+  for (const { file } of [...manifest.dispatches, manifest.debug]) texts.set(file, await readFile(join(dir, file), "utf8"));
   await rm(dir, { recursive: true });
   return { manifest, texts };
 }
@@ -75,36 +63,52 @@ class Numbered {
   }
 }
 
-/** The name of a file without its place in the order. */
-const label = (file) => file.replace(/^\d+_/, "").replace(/\.wgsl$/, "");
+/** What a host makes for a resource; what only one program knows is left out. */
+function described(resource) {
+  // What comes out of one program is between stages in another; tables of taps belong to a height, and the package makes its own.
+  const of = { ...resource, role: resource.role === "output" ? "transient" : resource.role };
+  if (resource.role === "taps") for (const name of ["bytes", "file", "period"]) delete of[name];
+  return of;
+}
 
-async function programs(folder) {
+/** `value` under `key`, which must not have held another. */
+function only(table, key, value) {
+  const before = table[key];
+  if (before !== undefined && JSON.stringify(before) !== JSON.stringify(value)) throw new Error(`two kinds of "${key}"`);
+  table[key] = value;
+}
+
+async function passes(folder) {
   const blocks = new Numbered();
   const shaders = new Numbered();
-  const dispatches = new Numbered();
-  const outputs = new Numbered();
+  const passes = {};
   const resources = {};
-  const programs = {};
+  const debug = {};
   let first;
-  for (const bits of numbers()) {
-    const { manifest, texts } = await manifestOf(bits, folder);
+  /** The shader's number: of the blocks that it is made of. */
+  const shaderOf = (text) => shaders.of(text.split(/\n\n(?=\S)/).map((block) => blocks.of(block)));
+  for (const options of CHOICES) {
+    const { manifest, texts } = await manifestOf(options, folder);
     first ??= manifest;
-    for (const resource of manifest.resources) {
-      // What comes out of one program is between stages in another; a host makes both alike.
-      const described = { ...resource, role: resource.role === "output" ? "transient" : resource.role };
-      // Tables belong to a height: the package makes its own.
-      for (const name of ["bytes", "file", "period"]) if (resource.role === "taps") delete described[name];
-      const before = resources[resource.name];
-      if (before && JSON.stringify(before) !== JSON.stringify(described)) throw new Error(`two kinds of "${resource.name}"`);
-      resources[resource.name] = described;
+    const { file, entry_point, workgroups, bindings, views } = manifest.debug;
+    only(debug, "debug", { shader: shaderOf(texts.get(file)), entry_point, workgroups, bindings, views });
+    for (const resource of manifest.resources) only(resources, resource.name, described(resource));
+    const inputs = new Set(manifest.resources.filter(({ role }) => role === "input").map(({ name }) => name));
+    for (const { name, file, entry_point, workgroups, bindings } of manifest.dispatches) {
+      const shader = shaderOf(texts.get(file));
+      // Colours of the host are repaired where they are loaded. Filters that can come first have another shader for it; stage 11
+      // does it always.
+      const input = bindings.find((binding) => binding.name === "input");
+      const isFirst = name !== "direct_taa" && input !== undefined && inputs.has(input.resource);
+      const bound = bindings.map(({ resource, copy, ...binding }) => binding);
+      only(passes, isFirst ? `${name}, first` : name, { shader, entry_point, workgroups, bindings: bound });
     }
-    const listed = manifest.dispatches.map(({ name, file, entry_point, workgroups, bindings }) => {
-      const code = texts.get(file).split(/\n\n(?=\S)/).map((block) => blocks.of(block));
-      return dispatches.of({ name, shader: shaders.of({ label: label(file), code }), entry_point, workgroups, bindings });
-    });
-    programs[bits] = { dispatches: listed, outputs: outputs.of(manifest.outputs) };
   }
-  return { first, blocks: blocks.list, shaders: shaders.list, dispatches: dispatches.list, outputs: outputs.list, resources, programs };
+  // Noisy direct light of a lobe is a colour of the host's like its weight; `quell shaders` writes no program that reads it.
+  for (const lobe of ["matte", "glossy"]) {
+    only(resources, `direct ${lobe}`, { ...resources[`${lobe} weight`], name: `direct ${lobe}` });
+  }
+  return { first, made: { passes, ...debug, shaders: shaders.list, blocks: blocks.list, resources } };
 }
 
 /** A parameter's line of `quell explain`, with its range as numbers or names. */
@@ -120,12 +124,13 @@ function parameter({ name, unit, meaning, range, value }) {
   return { name, kind: "switch", default: value === "on", unit, meaning };
 }
 
-function declarations(parameters) {
+function declarations(parameters, presets, views) {
   const type = { number: () => "number", whole: () => "number", switch: () => "boolean", choice: (p) => p.choices.map((c) => JSON.stringify(c)).join(" | ") };
   const range = (p) => (p.kind === "number" || p.kind === "whole" ? ` From ${p.low} to ${p.high}${p.unit ? `, ${p.unit}` : ""}.` : "");
   const shown = (p) => (p.kind === "choice" ? p.default : p.kind === "switch" ? (p.default ? "true" : "false") : p.default);
   const lines = parameters.map((p) => `  /** ${p.meaning}${range(p)} Default: ${shown(p)}. */\n  ${JSON.stringify(p.name)}?: ${type[p.kind](p)};`);
-  return `// Made by make.mjs.\n\n/** Parameters of the stages by name; docs/parameters.md says what each does, and where its value comes from. */\nexport interface Settings {\n${lines.join("\n")}\n}\n`;
+  const either = (names) => names.map((name) => JSON.stringify(name)).join(" | ");
+  return `// Made by make.mjs.\n\n/** Names of presets. */\nexport type Preset = ${either(presets)};\n\n/** Debug views; docs/integrating.md shows what each looks like. */\nexport type DebugView = ${either(views)};\n\n/** Parameters of the stages by name; docs/parameters.md says what each does, and where its value comes from. */\nexport interface Settings {\n${lines.join("\n")}\n}\n`;
 }
 
 /** JSON, a line for each element of the first levels: changes are readable, and the file is small. */
@@ -137,29 +142,36 @@ function lines(value, depth) {
   return `${list ? "[" : "{"}\n${each.join(",\n")}\n${list ? "]" : "}"}`;
 }
 
+const explained = async (preset) => JSON.parse((await run(quell, ["explain", "--json", "--preset", preset])).stdout);
+
 const folder = await mkdtemp(join(tmpdir(), "quell-package-"));
 try {
-  const { first, ...made } = await programs(folder);
-  const explained = JSON.parse((await run(quell, ["explain", "--json"])).stdout);
-  const parameters = explained.parameters.map(parameter);
+  const { first, made } = await passes(folder);
+  const parameters = (await explained(PRESETS[0])).parameters.map(parameter);
+  // Of each preset the values that are not the default.
+  const presets = {};
+  for (const name of PRESETS) {
+    const values = (await explained(name)).parameters.map(parameter).map((p) => [p.name, p.default]);
+    presets[name] = Object.fromEntries(values.filter(([, value], at) => value !== parameters[at].default));
+  }
   const settings = first.uniforms.find(({ name }) => name === "settings").values;
   const prepare = first.uniforms.find(({ name }) => name === "prepare").values;
   const all = {
     format: first.format,
     quell: first.quell,
-    switches: SWITCHES,
     // What no parameter and no convention says.
     constants: { farthest_bent_px: settings.mirror.farthest_bent_px, unit_tolerance: prepare.unit_tolerance },
     parameters,
+    presets,
     structs: first.structs,
     ...made,
   };
   await mkdir(new URL("made/", here), { recursive: true });
   const head = "// Made by make.mjs from `quell shaders` and `quell explain`. MIT OR Apache-2.0.\n";
   await writeFile(new URL("made/programs.js", here), `${head}export default ${lines(all, 2)};\n`);
-  await writeFile(new URL("made/settings.d.ts", here), declarations(parameters));
+  await writeFile(new URL("made/settings.d.ts", here), declarations(parameters, PRESETS, Object.keys(made.debug.views)));
   const { length } = await readFile(new URL("made/programs.js", here));
-  console.log(`${Object.keys(made.programs).length} choices, ${made.shaders.length} shaders, ${length} bytes`);
+  console.log(`${Object.keys(made.passes).length} passes, ${made.shaders.length} shaders, ${length} bytes`);
 } finally {
   await rm(folder, { recursive: true, force: true });
 }

@@ -2,8 +2,9 @@
 //! bind and to dispatch. Both come from the program that [`quell::gpu::Denoiser`] walks (docs/shaders.md).
 
 use quell::gpu::{
-    BindingKind, Bound, Contents, Convention, Dispatch, FIRST_BINDING, Holds, PrepareUniforms, Program, Resource, Role,
-    Sample, SettingsUniforms, Slot, Storage, TAP_FRAMES, Texel, Uniform, WORKGROUP, layouts, pack_taps,
+    BindingKind, Bound, Contents, Convention, Dispatch, FIRST_BINDING, Holds, Pass, PrepareUniforms, Program, Resource,
+    Role, Sample, SettingsUniforms, Slot, Storage, TAP_FRAMES, Texel, Uniform, WORKGROUP, debug_view_numbers, layouts,
+    pack_taps,
 };
 use quell::pipeline::Plan;
 use quell::{Settings, Size};
@@ -40,7 +41,10 @@ pub struct File {
     pub bytes: Vec<u8>,
 }
 
-/// The shaders of every dispatch, tables of taps, and the manifest, last.
+/// The pass that draws debug views.
+const DEBUG: &str = "debug.wgsl";
+
+/// The shaders of every dispatch and of the debug views, tables of taps, and the manifest, last.
 ///
 /// # Errors
 /// A setting out of its range; a size without pixels.
@@ -65,6 +69,8 @@ pub fn files(choice: &Choice<'_>) -> Result<Vec<File>, quell::Error> {
         let bytes = frames.flat_map(|frame| pack_taps(choice.settings, resource.slot, choice.size.height, frame));
         files.push(File { name: taps_name(resource.slot), bytes: bytes.collect() });
     }
+    let [debug, _] = Pass::DEBUG;
+    files.push(File { name: DEBUG.to_owned(), bytes: debug.source(program.storage, false).into_bytes() });
     let manifest = manifest(choice, &program);
     files.push(File { name: MANIFEST.to_owned(), bytes: format!("{manifest:#}\n").into_bytes() });
     Ok(files)
@@ -72,7 +78,7 @@ pub fn files(choice: &Choice<'_>) -> Result<Vec<File>, quell::Error> {
 
 fn manifest(choice: &Choice<'_>, program: &Program) -> Value {
     let structs = layouts();
-    let mut used = vec!["Frame", "Settings", "SpiralTap"];
+    let mut used = vec!["Frame", "Settings", "SpiralTap", "Debug"];
     let mut uniforms = vec![json!({ "name": "frame", "binding": 0, "struct": "Frame" })];
     let settings = SettingsUniforms::of(choice.settings, choice.size, choice.contents).bytes();
     let settings = values(&structs, "Settings", &settings);
@@ -106,7 +112,61 @@ fn manifest(choice: &Choice<'_>, program: &Program) -> Value {
             "confidence": shown.confidence.and_then(named),
             "history_length": shown.length.and_then(named),
         },
+        "debug": debug(),
     })
+}
+
+/// The pass that draws debug views, and the views by their numbers.
+fn debug() -> Value {
+    let [pass, _] = Pass::DEBUG;
+    let bindings = (FIRST_BINDING..).zip(pass.bindings).map(|(number, binding)| {
+        // What it shows besides is the host's to choose: any image, the history length.
+        let (slot, before) = match binding.name {
+            "geometry" => (Some(Slot::Geometry), false),
+            "surface" => (Some(Slot::Surface), false),
+            "moving" => (Some(Slot::Moving), false),
+            "geometry_before" => (Some(Slot::Geometry), true),
+            "surface_before" => (Some(Slot::Surface), true),
+            "spiral" => (Some(Slot::BilateralTaps), false),
+            _ => (None, false),
+        };
+        let mut value = json!({ "binding": number, "name": binding.name });
+        if let Some(slot) = slot {
+            extend(&mut value, json!({ "resource": slot.name(), "copy": if before { "before" } else { "this" } }));
+        }
+        use BindingKind as Kind;
+        let further = match binding.kind {
+            Kind::Uniform(_) => json!({ "kind": "uniform", "uniform": binding.name }),
+            Kind::Sampled(texel) => json!({ "kind": "texture", "sample_type": sample_type(texel) }),
+            Kind::Host(sample) => json!({ "kind": "texture", "sample_type": sample_names(sample).0 }),
+            Kind::Taps => json!({ "kind": "read-only-storage" }),
+            Kind::Picture(format) => json!({ "kind": "storage_texture", "access": "write-only",
+                                             "format": format!("{format:?}").to_lowercase() }),
+            // It binds none of these.
+            Kind::Stored(_) | Kind::Counts(_) | Kind::Frames | Kind::Read(_) | Kind::Write(_) => Value::Null,
+        };
+        extend(&mut value, further);
+        value
+    });
+    json!({
+        "file": DEBUG,
+        "entry_point": pass.entry,
+        "workgroup_size": [WORKGROUP, WORKGROUP, 1],
+        "workgroups": workgroups(),
+        "group": 0,
+        "bindings": uniform_bindings().into_iter().chain(bindings).collect::<Vec<_>>(),
+        "views": debug_view_numbers().map(|(name, number)| (name.to_owned(), json!(number))).collect::<Map<_, _>>(),
+    })
+}
+
+/// The uniforms that every pass binds.
+fn uniform_bindings() -> [Value; 2] {
+    [("frame", 0), ("settings", 1)]
+        .map(|(name, binding)| json!({ "binding": binding, "name": name, "kind": "uniform", "uniform": name }))
+}
+
+fn workgroups() -> [String; 3] {
+    [format!("ceil(width / {WORKGROUP})"), format!("ceil(height / {WORKGROUP})"), "1".to_owned()]
 }
 
 /// The border's uniform: what the convention says, and which members every frame fills anew.
@@ -205,8 +265,6 @@ fn extend(value: &mut Value, further: Value) {
 }
 
 fn dispatch(program: &Program, index: usize, dispatch: &Dispatch) -> Value {
-    let uniforms = [("frame", 0), ("settings", 1)]
-        .map(|(name, binding)| json!({ "binding": binding, "name": name, "kind": "uniform", "uniform": name }));
     let bindings = (FIRST_BINDING..).zip(dispatch.pass.bindings).zip(&dispatch.bound);
     let bindings = bindings.map(|((number, binding), bound)| {
         let Bound { resource, before } = *bound;
@@ -237,9 +295,9 @@ fn dispatch(program: &Program, index: usize, dispatch: &Dispatch) -> Value {
         "file": shader_name(index, dispatch),
         "entry_point": dispatch.pass.entry,
         "workgroup_size": [WORKGROUP, WORKGROUP, 1],
-        "workgroups": [format!("ceil(width / {WORKGROUP})"), format!("ceil(height / {WORKGROUP})"), "1".to_owned()],
+        "workgroups": workgroups(),
         "group": 0,
-        "bindings": uniforms.into_iter().chain(bindings).collect::<Vec<_>>(),
+        "bindings": uniform_bindings().into_iter().chain(bindings).collect::<Vec<_>>(),
         "bytes_per_pixel": program.bytes_of(dispatch),
     })
 }

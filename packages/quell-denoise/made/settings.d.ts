@@ -1,5 +1,11 @@
 // Made by make.mjs.
 
+/** Names of presets. */
+export type Preset = "paper" | "quality";
+
+/** Debug views; docs/integrating.md shows what each looks like. */
+export type DebugView = "confidence" | "confidence_in" | "depth" | "depth_error" | "glossy_hit" | "history_length" | "light" | "motion" | "motion_error" | "normal" | "normal_error" | "rejection" | "roughness" | "surface_id" | "weight_sum" | "weights_around" | "world_grid";
+
 /** Parameters of the stages by name; docs/parameters.md says what each does, and where its value comes from. */
 export interface Settings {
   /** Image of this frame that is the next frame's matte history. Default: blend. */

@@ -3,13 +3,14 @@
 
 import { View, frameStruct, taken } from "./camera.js";
 import { conventionOf, prepareStruct } from "./convention.js";
-import { QuellError, checkNames, shown } from "./error.js";
-import { builtIn, fill, formula, layoutEntry } from "./program.js";
+import { QuellError, checkNames, likely, shown } from "./error.js";
+import { builtIn, formula, layoutEntry, packed } from "./program.js";
 import { PHASES, allTaps } from "./spiral.js";
 import { TAPS, changed, parameters, preset, settingsStruct } from "./settings.js";
-import { compositeStruct, takenTextures, viewOf } from "./textures.js";
+import { compositeStruct, takenTarget, takenTextures, viewOf } from "./textures.js";
 
-const OPTIONS = ["width", "height", "preset", "settings", "signals", "jitter", "convention", "program", "label"];
+const OPTIONS = ["width", "height", "preset", "settings", "signals", "jitter", "convention", "program", "views", "label"];
+const VIEW = ["scale", "pixel"];
 const FRAME = ["camera", "previousCamera", "textures", "index", "convention"];
 const SIGNALS = ["matte", "glossy"];
 /** What `create` alone can hand to the constructor. */
@@ -64,6 +65,8 @@ export class Denoiser {
   #isGiven;
   #kernels = new Map();
   #dispatches = [];
+  /** The pass of debug views; null: not asked for. */
+  #views = null;
   /** Of the current extent: copies of each texture, buffers, tables of taps. */
   #own = null;
   #turn = 0;
@@ -90,12 +93,14 @@ export class Denoiser {
     denoiser.#label = options.label ?? "quell";
     denoiser.#extent = extentOf(device, options.width, options.height);
     denoiser.#convention = conventionOf(options.convention ?? "quell");
-    const { program, jitter = false } = options;
+    const { program, jitter = false, views = false } = options;
     const signals = options.signals ?? program?.signals ?? SIGNALS;
     if (!Array.isArray(signals) || signals.length === 0 || !signals.every((s, i) => SIGNALS.includes(s) && signals.indexOf(s) === i)) {
       throw new QuellError("signals", signals, `is ${shown(signals)}, not a list of matte, glossy or both`);
     }
-    if (typeof jitter !== "boolean") throw new QuellError("jitter", jitter, `is ${shown(jitter)}, not true or false`);
+    for (const [name, value] of Object.entries({ jitter, views })) {
+      if (typeof value !== "boolean") throw new QuellError(name, value, `is ${shown(value)}, not true or false`);
+    }
     denoiser.#signals = SIGNALS.filter((signal) => signals.includes(signal));
     if (program) {
       for (const name of ["preset", "settings", "jitter"]) {
@@ -116,6 +121,11 @@ export class Denoiser {
     denoiser.#settings = changed(preset(options.preset ?? "paper"), options.settings ?? {});
     denoiser.#program = program ?? builtIn(denoiser.#settings, denoiser.#signals, jitter);
     denoiser.#dispatches = await denoiser.#compiled(denoiser.#program);
+    if (views) {
+      const { debug } = denoiser.#program;
+      if (!debug) throw new QuellError("views", views, "is true, but the program's files have no debug views: write them anew");
+      denoiser.#views = { ...debug, ...(await denoiser.#kernel(debug)) };
+    }
     denoiser.#own = await denoiser.#scopedMake(denoiser.#program, denoiser.#settings);
     return denoiser;
   }
@@ -154,12 +164,13 @@ export class Denoiser {
   /** The kernels of a program; each is compiled once. */
   #compiled(program) {
     return Promise.all(program.dispatches.map(async (dispatch) => {
-      const { shader } = dispatch;
-      this.#kernels.set(shader, this.#kernels.get(shader) ?? this.#kernel(dispatch));
+      // Passes may share a shader, each with an entry point of its own.
+      const key = `${dispatch.shader}: ${dispatch.entry_point}`;
+      this.#kernels.set(key, this.#kernels.get(key) ?? this.#kernel(dispatch));
       try {
-        return { ...dispatch, ...(await this.#kernels.get(shader)) };
+        return { ...dispatch, ...(await this.#kernels.get(key)) };
       } catch (error) {
-        this.#kernels.delete(shader);
+        this.#kernels.delete(key);
         throw error;
       }
     }));
@@ -227,8 +238,8 @@ export class Denoiser {
   }
 
   /**
-   * Changes settings. History is kept, unless the change switches a stage: then what is missing is compiled, and the next frame
-   * starts afresh. After an error the old settings stay.
+   * Changes settings. History is kept, unless other stages run or read other images then: what is missing is compiled, and the next
+   * frame starts afresh. After an error the old settings stay.
    */
   configure(settings) {
     this.#configured = this.#configured.catch(() => {}).then(() => this.#configure(settings));
@@ -350,7 +361,8 @@ export class Denoiser {
     if (!this.#isGiven && !this.#jitter && camera.jitter.some((v) => v !== 0)) {
       throw new QuellError("camera.jitter", camera.jitter, `is ${shown(camera.jitter)}, but the denoiser was made with jitter: false`);
     }
-    const { textures, channels, has } = takenTextures(given.textures, this.#signals, this.#extent, convention);
+    const reads = (resource) => this.#program.resources.has(resource);
+    const { textures, channels, has } = takenTextures(given.textures, this.#signals, this.#extent, convention, reads);
     return {
       index,
       camera,
@@ -382,11 +394,7 @@ export class Denoiser {
         frame.convention, this.#extent, frame, frame.channels, frame.textures.get("normal")?.format, there,
       )],
     };
-    return Object.entries(values).map(([name, [struct, members]]) => {
-      const bytes = new ArrayBuffer(structs[struct].bytes);
-      fill(structs, struct, members, new DataView(bytes));
-      return [name, new Uint8Array(bytes)];
-    });
+    return Object.entries(values).map(([name, [struct, members]]) => [name, packed(structs, struct, members)]);
   }
 
   /** Uniforms and taps of this frame, brought by the encoder itself: frames that share a submit each find their own. */
@@ -436,6 +444,69 @@ export class Denoiser {
     const group = this.#device.createBindGroup({ label: `${this.#label} ${dispatch.name}`, layout: dispatch.layout, entries });
     groups.set(place, { bound, group });
     return group;
+  }
+
+  /**
+   * Draws a debug view of the frame that was encoded last into the host's texture, in the same encoder or a later one.
+   * @throws {QuellError} nothing was encoded then
+   */
+  encodeView(encoder, view, target, options = {}) {
+    this.#alive();
+    if (typeof encoder?.beginComputePass !== "function") {
+      throw new QuellError("encoder", encoder, `is ${shown(encoder)}, not a GPUCommandEncoder`);
+    }
+    if (!this.#views) throw new QuellError("views", false, "was not asked for: Denoiser.create(device, { ..., views: true })");
+    const { views, bindings, workgroups, pipeline, layout } = this.#views;
+    if (!Object.hasOwn(views, view)) {
+      throw new QuellError("view", view, `is ${shown(view)}${likely(String(view), Object.keys(views))}`);
+    }
+    if (!this.#last) throw new QuellError("view", view, "has no frame to show: encode one first");
+    checkNames("options", options, VIEW);
+    const { scale = 1, pixel = [0, 0] } = options;
+    if (!(typeof scale === "number" && Number.isFinite(scale) && scale > 0)) {
+      throw new QuellError("options.scale", scale, `is ${shown(scale)}, not a number above 0`);
+    }
+    if (!Array.isArray(pixel) || pixel.length !== 2 || !pixel.every((v, i) => Number.isInteger(v) && v >= 0 && v < this.#extent[i])) {
+      throw new QuellError("options.pixel", pixel, `is ${shown(pixel)}, not a pixel of ${this.width}x${this.height}`);
+    }
+    const picture = bindings.find(({ kind }) => kind === "storage_texture");
+    takenTarget("target", target, picture.format, this.#extent);
+    const { outputs, structs, settings } = this.#program;
+    const own = (name) => {
+      const copies = this.#own.textures.get(name);
+      return copies?.[this.#turn % copies.length] ?? this.#own.textures.get("absent float")[0];
+    };
+    const taps = this.#own.buffers.get("matte bilateral taps");
+    const buffer = (usage, bytes) => {
+      const made = this.#device.createBuffer({ label: `${this.#label} view`, size: bytes.length, usage, mappedAtCreation: true });
+      new Uint8Array(made.getMappedRange()).set(bytes);
+      made.unmap();
+      return made;
+    };
+    const uniform = packed(structs, "Debug", {
+      eye: this.#last.view.eye,
+      view: views[view],
+      centre: pixel,
+      scale,
+      taps: taps ? (settings?.matte_bilateral.taps ?? this.#settings["matte_bilateral.taps"]) : 0,
+      has_confidence: outputs.confidence ? 1 : 0,
+    });
+    const chosen = {
+      debug: () => buffer(GPUBufferUsage.UNIFORM, uniform),
+      image: () => own(view === "light" ? outputs.composite : outputs.confidence),
+      history_length: () => own(outputs.history_length),
+      spiral: () => taps ?? buffer(GPUBufferUsage.STORAGE, new Uint8Array(16)),
+      [picture.name]: () => target,
+    };
+    const entries = bindings.map(({ binding, name, uniform: of, resource, copy }) => {
+      const bound = chosen[name]?.() ?? this.#bound(of ?? resource, copy === "before", new Map());
+      return { binding, resource: typeof bound.createView === "function" ? viewOf(bound) : { buffer: bound } };
+    });
+    const pass = encoder.beginComputePass({ label: `${this.#label} view` });
+    pass.setPipeline(pipeline);
+    pass.setBindGroup(0, this.#device.createBindGroup({ label: `${this.#label} view`, layout, entries }));
+    pass.dispatchWorkgroups(...workgroups.map((words) => formula(words, this.#extent)));
+    pass.end();
   }
 
   #output(frame) {

@@ -1,6 +1,6 @@
-import type { Settings } from "../made/settings.js";
+import type { DebugView, Preset, Settings } from "../made/settings.js";
 
-export type { Settings };
+export type { DebugView, Preset, Settings };
 
 /** One of the two lobes that are filtered: matte (diffuse) and glossy (specular) light. */
 export type Signal = "matte" | "glossy";
@@ -10,8 +10,11 @@ export interface DenoiserOptions {
   width: number;
   /** Rows. */
   height: number;
-  /** Where settings start from; default `"paper"`, the system of Mara et al. 2017. */
-  preset?: "paper";
+  /**
+   * Where settings start from. Default `"paper"`, the system of Mara et al. 2017; `"quality"` is smooth from the first frame on
+   * and costs more (docs/quality.md).
+   */
+  preset?: Preset;
   /** Parameters that differ from the preset's. */
   settings?: Settings;
   /** What frames have; default both. A signal that is left out costs nothing. */
@@ -22,6 +25,8 @@ export interface DenoiserOptions {
   convention?: ConventionName | Partial<Convention>;
   /** A program from `loadProgram` in place of the package's; it comes with its own settings, for one height. */
   program?: Program;
+  /** Compiles the pass of debug views, too; default false. */
+  views?: boolean;
   /** Before the labels of what is made on the device; default `"quell"`. */
   label?: string;
 }
@@ -137,6 +142,13 @@ export interface Output {
   hadHistory: boolean;
 }
 
+export interface ViewOptions {
+  /** Brightness of `light`, cells a scene unit of `world_grid`, sensitivity of the errors; default 1. */
+  scale?: number;
+  /** Of `weights_around`: column and row; default the upper left one. */
+  pixel?: readonly [number, number];
+}
+
 /** A parameter of a stage. */
 export type Parameter = { name: keyof Settings; unit: string; meaning: string } & (
   | { kind: "number" | "whole"; low: number; high: number; default: number }
@@ -168,7 +180,13 @@ export class Denoiser {
    */
   encode(encoder: GPUCommandEncoder, frame: Frame): Output;
   /**
-   * Changes settings. History is kept, unless a stage is switched: what is missing is compiled then, its textures are made anew, and
+   * Draws a debug view of the frame that was encoded last into a texture of yours (rgba8unorm, usage `STORAGE_BINDING`, at least of the
+   * frame's extent), encoded for a display, in the same encoder or a later one. The denoiser must have been made with `views: true`.
+   * @throws {QuellError} nothing was encoded then
+   */
+  encodeView(encoder: GPUCommandEncoder, view: DebugView, target: GPUTexture, options?: ViewOptions): void;
+  /**
+   * Changes settings. History is kept, unless other stages run or read other images then: what is missing is compiled then, its textures are made anew, and
    * the next frame starts afresh. After an error the old settings stay.
    */
   configure(settings: Settings): Promise<void>;

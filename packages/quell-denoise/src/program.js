@@ -2,25 +2,31 @@
 
 import made from "../made/programs.js";
 import { QuellError, shown } from "./error.js";
-import { programNumber } from "./settings.js";
+import { planned } from "./plan.js";
 
 /** The shaders' texts are stored as blocks, since they share most of them. */
-const text = (shader) => shader.code.map((block) => made.blocks[block]).join("\n\n");
+const text = (shader) => shader.map((block) => made.blocks[block]).join("\n\n");
+
+/** The pass that draws debug views. */
+const debug = { ...made.debug, label: "debug", code: () => text(made.shaders[made.debug.shader]) };
 
 /** The package's program for these stages. */
 export function builtIn(settings, signals, jitter) {
-  const number = programNumber(settings, signals, jitter);
-  const { dispatches, outputs } = made.programs[number];
+  const { dispatches, outputs } = planned(settings, signals, jitter);
   return finished({
-    // Switches of stages that would not run anyway change nothing.
-    identity: JSON.stringify(made.programs[number]),
+    // Settings that choose the same passes with the same bindings need nothing new.
+    identity: JSON.stringify(dispatches),
     structs: made.structs,
     resources: Object.values(made.resources),
-    dispatches: dispatches.map((index) => {
-      const { shader, ...dispatch } = made.dispatches[index];
-      return { ...dispatch, shader, label: made.shaders[shader].label, code: () => text(made.shaders[shader]) };
+    dispatches: dispatches.map(({ pass, bound }) => {
+      const { shader, bindings, ...of } = made.passes[pass];
+      const each = bound.values();
+      const complete = bindings.map((binding) => (binding.kind === "uniform" ? binding : { ...binding, ...each.next().value }));
+      const [name] = pass.split(", ");
+      return { ...of, name, shader, label: name, bindings: complete, code: () => text(made.shaders[shader]) };
     }),
-    outputs: made.outputs[outputs],
+    outputs,
+    debug,
   });
 }
 
@@ -58,6 +64,7 @@ export async function loadProgram(folder) {
     const code = await got(new URL(file, base), "text");
     return { ...dispatch, shader: file, label: file, code: () => code };
   }));
+  const views = manifest.debug && await got(new URL(manifest.debug.file, base), "text");
   const taps = manifest.resources.filter(({ role }) => role === "taps");
   const tables = await Promise.all(taps.map(async ({ name, file, bytes, period }) => [
     name, { all: await got(new URL(file, base), "arrayBuffer"), bytes, period },
@@ -69,6 +76,7 @@ export async function loadProgram(folder) {
     resources: manifest.resources,
     dispatches,
     outputs: manifest.outputs,
+    debug: views && { ...manifest.debug, shader: manifest.debug.file, label: "debug", code: () => views },
     signals: ["matte", "glossy"].filter((signal) => composite[signal] !== 0),
     rows: manifest.size.height,
     settings,
@@ -87,7 +95,7 @@ export function formula(words, extent) {
 }
 
 /** Writes the members of a struct at their offsets. */
-export function fill(structs, name, values, view, start = 0) {
+function fill(structs, name, values, view, start = 0) {
   for (const member of structs[name].members) {
     const value = values[member.name];
     if (value === undefined) throw new QuellError(`${name}.${member.name}`, value, "has no value");
@@ -95,11 +103,19 @@ export function fill(structs, name, values, view, start = 0) {
     const each = (numbers, write) => [numbers].flat().forEach((v, i) => view[write](at + 4 * i, v, true));
     if (/^(f32|vec[234]f)$/.test(member.type)) each(value, "setFloat32");
     else if (/^(u32|vec[234]u)$/.test(member.type)) each(value, "setUint32");
+    else if (/^(i32|vec[234]i)$/.test(member.type)) each(value, "setInt32");
     else if (/^array<vec3f, \d+>$/.test(member.type)) {
       // Each element takes the place of four numbers.
       value.forEach((row, i) => row.forEach((v, k) => view.setFloat32(at + 16 * i + 4 * k, v, true)));
     } else fill(structs, member.type, value, view, at);
   }
+}
+
+/** The bytes of a struct. */
+export function packed(structs, name, values) {
+  const bytes = new ArrayBuffer(structs[name].bytes);
+  fill(structs, name, values, new DataView(bytes));
+  return new Uint8Array(bytes);
 }
 
 /** A dispatch's binding, as a layout of bindings describes it. */

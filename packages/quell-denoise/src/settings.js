@@ -8,17 +8,13 @@ const f = Math.fround;
 const REFERENCE_ROWS = 720;
 
 const BY_NAME = new Map(made.parameters.map((parameter) => [parameter.name, parameter]));
-/** These choose which image another stage reads, so they choose the program; only those of preset `paper` are in the package. */
-const FIXED = ["pipeline.feedback", "firefly.input", "young_filter.matte", "young_filter.glossy"];
-
-const PRESETS = { paper: {} };
 
 /** The value of every parameter of a preset. */
 export function preset(name) {
-  if (!Object.hasOwn(PRESETS, name)) {
-    throw new QuellError("preset", name, `is ${shown(name)}${likely(String(name), Object.keys(PRESETS))}`);
+  if (!Object.hasOwn(made.presets, name)) {
+    throw new QuellError("preset", name, `is ${shown(name)}${likely(String(name), Object.keys(made.presets))}`);
   }
-  return Object.fromEntries(made.parameters.map((p) => [p.name, p.default]));
+  return { ...Object.fromEntries(made.parameters.map((p) => [p.name, p.default])), ...made.presets[name] };
 }
 
 function inWords(p) {
@@ -40,23 +36,8 @@ export function changed(settings, changes) {
   for (const [name, value] of Object.entries(changes)) {
     const p = BY_NAME.get(name);
     if (!fits(p, value)) throw new QuellError(`settings["${name}"]`, value, `is ${shown(value)}, not ${inWords(p)}`);
-    if (FIXED.includes(name) && value !== p.default) {
-      const how = `write a program with \`quell shaders DIR --set ${name}=${value}\` and pass it as \`program\``;
-      throw new QuellError(`settings["${name}"]`, value, `is ${shown(value)}, but the package has ${p.default} only; ${how}`);
-    }
   }
   return { ...settings, ...changes };
-}
-
-/** The number of the program that runs these stages. */
-export function programNumber(settings, signals, jitter) {
-  const there = { matte: signals.includes("matte"), glossy: signals.includes("glossy") };
-  const on = made.switches.map((name) => {
-    if (name in there) return there[name];
-    if (name.startsWith("direct_taa")) return jitter && settings[name];
-    return settings[name] && (name.startsWith("glossy") ? there.glossy : there.matte);
-  });
-  return on.reduce((bits, value, bit) => bits | (value ? 1 << bit : 0), 0);
 }
 
 /** A stage's settings without its name before each. */

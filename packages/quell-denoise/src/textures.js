@@ -36,12 +36,12 @@ const PLANES = {
 /** A depth buffer has a resource of its own. */
 const DEPTH_BUFFER = "depth buffer";
 const CHANNELS = ["r", "g", "b", "a"];
-/** `GPUTextureUsage.TEXTURE_BINDING`. */
+/** `GPUTextureUsage.TEXTURE_BINDING`, `STORAGE_BINDING`. */
 const TEXTURE_BINDING = 4;
+const STORAGE_BINDING = 8;
 
-function checked(quantity, given, plane, channels, [width, height]) {
-  const wrong = (why) => new QuellError(quantity, given, why);
-  const texture = given?.texture ?? given;
+/** A plain texture of at least this extent. */
+function plain(texture, [width, height], wrong) {
   if (typeof texture?.createView !== "function" || typeof texture.format !== "string") {
     throw wrong(`is ${shown(texture)}, not a GPUTexture`);
   }
@@ -51,6 +51,20 @@ function checked(quantity, given, plane, channels, [width, height]) {
   if (texture.width < width || texture.height < height) {
     throw wrong(`is ${texture.width}x${texture.height}, smaller than the frame, ${width}x${height}`);
   }
+}
+
+/** A host's texture that is drawn into. */
+export function takenTarget(quantity, texture, format, extent) {
+  const wrong = (why) => new QuellError(quantity, texture, why);
+  plain(texture, extent, wrong);
+  if (!(texture.usage & STORAGE_BINDING)) throw wrong("lacks the usage STORAGE_BINDING");
+  if (texture.format !== format) throw wrong(`has the format ${texture.format}, not ${format}`);
+}
+
+function checked(quantity, given, plane, channels, extent) {
+  const wrong = (why) => new QuellError(quantity, given, why);
+  const texture = given?.texture ?? given;
+  plain(texture, extent, wrong);
   if (!(texture.usage & TEXTURE_BINDING)) throw wrong("lacks the usage TEXTURE_BINDING");
   const { format } = texture;
   if (!plane.takes.is(format)) throw wrong(`has the format ${format}, not one of ${plane.takes.say}`);
@@ -62,9 +76,10 @@ function checked(quantity, given, plane, channels, [width, height]) {
 
 /**
  * Textures of a frame by the names of resources.
+ * @param reads  whether the program reads a resource
  * @returns {{ textures: Map<string, GPUTexture>, channels: Record<string, number>, has: (name: string) => boolean }}
  */
-export function takenTextures(given, signals, extent, convention) {
+export function takenTextures(given, signals, extent, convention, reads) {
   checkNames("textures", given, Object.keys(PLANES));
   const textures = new Map();
   const channels = {};
@@ -87,7 +102,9 @@ export function takenTextures(given, signals, extent, convention) {
       throw new QuellError(quantity, value, why);
     }
     const texture = checked(quantity, value, plane, count, extent);
-    textures.set(name === "depth" && isDepth(texture.format) ? DEPTH_BUFFER : plane.resource, texture);
+    const resource = name === "depth" && isDepth(texture.format) ? DEPTH_BUFFER : plane.resource;
+    if (!reads(resource)) throw new QuellError(quantity, value, "is given, but the program does not read it");
+    textures.set(resource, texture);
   }
   for (const signal of signals) {
     if (!has(signal)) {

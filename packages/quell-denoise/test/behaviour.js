@@ -43,17 +43,29 @@ export function textures(device, index = 0, extent = [WIDTH, HEIGHT]) {
   };
 }
 
-async function texels(device, texture) {
-  const row = 256 * Math.ceil((8 * texture.width) / 256);
+/** The bits of a half from 2^-14 to 2. */
+function halfOf(value) {
+  const exponent = Math.floor(Math.log2(value));
+  return ((exponent + 15) << 10) + Math.round((value / 2 ** exponent - 1) * 1024);
+}
+
+/** What a texture of so many bytes a texel holds. */
+async function contents(device, texture, size) {
+  const row = 256 * Math.ceil((size * texture.width) / 256);
   const buffer = device.createBuffer({ size: row * texture.height, usage: GPUBufferUsage.MAP_READ | GPUBufferUsage.COPY_DST });
   const encoder = device.createCommandEncoder();
   encoder.copyTextureToBuffer({ texture }, { buffer, bytesPerRow: row }, [texture.width, texture.height]);
   device.queue.submit([encoder.finish()]);
   await buffer.mapAsync(GPUMapMode.READ);
-  const all = new Uint16Array(buffer.getMappedRange().slice(0));
+  const all = new Uint8Array(buffer.getMappedRange().slice(0));
   buffer.destroy();
-  return Array.from({ length: texture.height }, (_, y) => Array.from(all.subarray((y * row) / 2, (y * row) / 2 + 4 * texture.width))).flat();
+  const packed = new Uint8Array(size * texture.width * texture.height);
+  for (let y = 0; y < texture.height; y++) packed.set(all.subarray(y * row, y * row + size * texture.width), y * size * texture.width);
+  return packed;
 }
+
+const bytes = (device, texture) => contents(device, texture, 4);
+const texels = async (device, texture) => Array.from(new Uint16Array((await contents(device, texture, 8)).buffer));
 
 /** @param {GPUDevice} device */
 export async function run(device) {
@@ -87,8 +99,9 @@ export async function run(device) {
   await refused("settings.firefly.treshold", () => Denoiser.create(device, { ...size, settings: { "firefly.treshold": 3 } }));
   await refused('settings["firefly.threshold"]', () => Denoiser.create(device, { ...size, settings: { "firefly.threshold": 0.5 } }));
   await refused('settings["matte_prefilter.taps"]', () => Denoiser.create(device, { ...size, settings: { "matte_prefilter.taps": 24.5 } }));
-  await refused('settings["pipeline.feedback"]', () => Denoiser.create(device, { ...size, settings: { "pipeline.feedback": "firefly" } }));
+  await refused('settings["pipeline.feedback"]', () => Denoiser.create(device, { ...size, settings: { "pipeline.feedback": "fireflies" } }));
   await refused("program", () => Denoiser.create(device, { ...size, program: { signals: ["matte", "glossy"] } }));
+  await refused("views", () => Denoiser.create(device, { ...size, views: 1 }));
   await refused("Denoiser", () => new Denoiser());
 
   const denoiser = await Denoiser.create(device, size);
@@ -166,6 +179,13 @@ export async function run(device) {
   check("a switch went unseen", String(await through(denoiser)) !== String(expected));
   await denoiser.configure({ "matte_bilateral.enabled": true });
   check("a stage does not come back", String(await through(denoiser)) === String(expected));
+  // What is fed back, what the median reads: the program changes, no stage does.
+  for (const [name, value, first] of [["pipeline.feedback", "firefly", "blend"], ["firefly.input", "temporal", "disocclusion"]]) {
+    await denoiser.configure({ [name]: value });
+    check(`${name} went unseen`, String(await through(denoiser)) !== String(expected));
+    await denoiser.configure({ [name]: first });
+    check(`${name} does not come back`, String(await through(denoiser)) === String(expected));
+  }
   // Changes that overlap come in their order, and a new size meanwhile holds.
   const changes = [{ "matte_bilateral.enabled": false }, { "firefly.threshold": 3 }, { "matte_bilateral.enabled": true, "firefly.threshold": 2 }];
   const changing = changes.map((change) => denoiser.configure(change));
@@ -177,15 +197,15 @@ export async function run(device) {
   check("parameters", Denoiser.parameters().length === Object.keys(denoiser.settings).length);
 
   // Another size and back.
-  const { bytes } = denoiser;
+  const { bytes: taken } = denoiser;
   denoiser.resize(2 * WIDTH, 2 * HEIGHT);
   // Four times the pixels, at more than 100 bytes each; tables of taps stay as they are.
-  const more = denoiser.bytes - bytes;
+  const more = denoiser.bytes - taken;
   check(`another size takes ${more} bytes more`, more > 3 * WIDTH * HEIGHT * 100 && denoiser.width === 2 * WIDTH);
   await refused("textures.matte", () => denoiser.encode(device.createCommandEncoder(), frame(0)));
   denoiser.resize(WIDTH, HEIGHT);
   check("another size changed what comes after", String(await through(denoiser)) === String(expected));
-  check(`bytes: ${bytes}, now ${denoiser.bytes}`, denoiser.bytes === bytes);
+  check(`bytes: ${taken}, now ${denoiser.bytes}`, denoiser.bytes === taken);
 
   // Guides in another convention hold the same: device depth of that projection, normals of the camera's space in 0..1.
   denoiser.reset();
@@ -208,6 +228,64 @@ export async function run(device) {
   for (const act of [() => denoiser.encode(device.createCommandEncoder(), frame(0)), () => denoiser.configure({}), () => denoiser.resize(8, 8), () => denoiser.reset()]) {
     await refused("denoiser", act);
   }
+  const target = device.createTexture({ size: [WIDTH, HEIGHT], format: "rgba8unorm", usage: STORAGE_BINDING | GPUTextureUsage.COPY_SRC });
+  // Another preset is other settings, and nothing else.
+  const quality = await Denoiser.create(device, { ...size, preset: "quality" });
+  const asQuality = await Denoiser.create(device, size);
+  const { settings } = quality;
+  await asQuality.configure(settings);
+  const smooth = await through(quality);
+  check("the preset went unseen", String(smooth) !== String(expected) && settings["young_filter.frames"] === 64);
+  check("the preset's settings one by one", String(await through(asQuality)) === String(smooth));
+  // Noisy direct light of a lobe is added as it is, times the lobe's weight.
+  quality.reset();
+  const ones = plane(device, "rgba32float", 4, () => 1);
+  const black = plane(device, "rgba32float", 4, () => 0);
+  const dark = { ...planes[0], matte: black, glossy: black };
+  for (const [lobe, weight] of [["matteDirect", (x, y) => 0.2 + 0.6 * ((x ^ y) & 1)], ["glossyDirect", () => 1]]) {
+    encoders = device.createCommandEncoder();
+    const lit = quality.encode(encoders, { camera: CAMERA, textures: { ...dark, [lobe]: ones } });
+    device.queue.submit([encoders.finish()]);
+    const halves = await texels(device, lit.composite);
+    const near = (half, value) => Math.abs(half - halfOf(value)) <= 1;
+    check(lobe, near(halves[0], weight(0, 0)) && near(halves[4], weight(1, 0)) && near(halves[5], weight(1, 0)));
+  }
+  // Debug views: a pixel in the middle of the wall, whose depth is 3 and whose normal looks at the viewer.
+  await refused("views", () => quality.encodeView(device.createCommandEncoder(), "depth", target));
+  const seen = await Denoiser.create(device, { ...size, views: true });
+  await refused("view", () => seen.encodeView(device.createCommandEncoder(), "depth", target));
+  const shown = async (view, count = 3, options = {}) => {
+    seen.reset();
+    encoders = device.createCommandEncoder();
+    for (let index = 0; index < count; index++) seen.encode(encoders, frame(index));
+    seen.encodeView(encoders, view, target, options);
+    device.queue.submit([encoders.finish()]);
+    const at = 4 * (12 * WIDTH + 20);
+    return Array.from((await bytes(device, target)).slice(at, at + 4));
+  };
+  for (const [view, count, options, pixel] of [
+    ["depth", 1, {}, [165, 165, 165, 255]],
+    ["normal", 1, {}, [128, 128, 255, 255]],
+    ["rejection", 1, {}, [255, 255, 255, 255]],
+    ["rejection", 3, {}, [0, 77, 13, 255]],
+    ["motion", 3, {}, [0, 0, 0, 255]],
+    ["motion_error", 3, {}, [0, 0, 0, 255]],
+    ["confidence", 1, {}, [255, 0, 0, 255]],
+    ["history_length", 1, {}, [0, 0, 0, 255]],
+    ["weights_around", 1, { pixel: [20, 12] }, [0, 255, 0, 255]],
+    ["weight_sum", 1, {}, [255, 255, 255, 255]],
+  ]) {
+    const came = await shown(view, count, options);
+    // Halves are rounded either way.
+    const off = came.map((value, i) => Math.abs(value - pixel[i]));
+    check(`${view} after ${count}: ${came}, not ${pixel}`, Math.max(...off) <= 1);
+  }
+  await refused("view", () => seen.encodeView(device.createCommandEncoder(), "deep", target));
+  await refused("target", () => seen.encodeView(device.createCommandEncoder(), "depth", planes[0].depth));
+  await refused("target", () => seen.encodeView(device.createCommandEncoder(), "depth", null));
+  await refused("options.scale", () => seen.encodeView(device.createCommandEncoder(), "depth", target, { scale: 0 }));
+  await refused("options.pixel", () => seen.encodeView(device.createCommandEncoder(), "depth", target, { pixel: [WIDTH, 0] }));
+  for (const of of [quality, asQuality, seen]) of.destroy();
   // One signal alone, and without albedo.
   const alone = await Denoiser.create(device, { ...size, signals: ["glossy"], settings: { "glossy_temporal.enabled": false } });
   await refused("textures.matte", () => alone.encode(device.createCommandEncoder(), frame(0)));

@@ -5,9 +5,10 @@ use super::browser::Browser;
 use super::web::server::Server;
 use super::web::{PACKAGE, await_end, browser, served, served_from};
 use base64::Engine;
-use quell::gpu::{Contents, Convention, SignalContents, Storage};
+use quell::gpu::{Contents, Convention, Program, Role, SignalContents, Storage};
+use quell::pipeline::Plan;
 use quell::settings::PARAMETERS;
-use quell::{Settings, Size};
+use quell::{Preset, Settings, Size};
 use quell_host::manifest::{Choice, File, MANIFEST, files};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
@@ -39,27 +40,18 @@ fn manifest(files: &[File]) -> Value {
 
 const STALE: &str = "packages/quell-denoise/made is stale: node packages/quell-denoise/make.mjs target/release/quell";
 
-/// Checks one program of the package against its manifest and shaders.
-fn is_current(made: &Value, number: u32, of: &Value, files: &[File]) {
+/// The text of a shader of the package.
+fn code(made: &Value, shader: &Value) -> String {
+    let blocks = made["shaders"][shader.as_u64().expect("a number") as usize].as_array().expect("blocks").iter();
+    let blocks = blocks.map(|b| made["blocks"][b.as_u64().expect("a number") as usize].as_str().expect("text"));
+    blocks.collect::<Vec<_>>().join("\n\n")
+}
+
+/// Checks the passes and resources of a manifest against the package's; the names of the passes.
+fn is_current(made: &Value, choice: &str, files: &[File]) -> Vec<String> {
     let manifest = manifest(files);
     assert_eq!(made["structs"], manifest["structs"], "{STALE}");
     assert_eq!(made["format"], manifest["format"], "{STALE}");
-    let indices = of["dispatches"].as_array().expect("dispatches");
-    let dispatches = manifest["dispatches"].as_array().expect("dispatches");
-    assert_eq!(indices.len(), dispatches.len(), "{number}: {STALE}");
-    for (index, expected) in indices.iter().zip(dispatches) {
-        let found = &made["dispatches"][index.as_u64().expect("a number") as usize];
-        for key in ["name", "entry_point", "workgroups", "bindings"] {
-            assert_eq!(found[key], expected[key], "{number}: {key}: {STALE}");
-        }
-        let shader = &made["shaders"][found["shader"].as_u64().expect("a number") as usize];
-        let blocks = shader["code"].as_array().expect("blocks").iter();
-        let blocks = blocks.map(|b| made["blocks"][b.as_u64().expect("a number") as usize].as_str().expect("text"));
-        let code = blocks.collect::<Vec<_>>().join("\n\n");
-        let file = files.iter().find(|f| expected["file"] == f.name.as_str()).expect("a shader");
-        assert!(code.as_bytes() == file.bytes, "{number}: {}: {STALE}", file.name);
-    }
-    assert_eq!(made["outputs"][of["outputs"].as_u64().expect("a number") as usize], manifest["outputs"], "{STALE}");
     for expected in manifest["resources"].as_array().expect("resources") {
         let name = expected["name"].as_str().expect("a name");
         let found = &made["resources"][name];
@@ -72,26 +64,132 @@ fn is_current(made: &Value, number: u32, of: &Value, files: &[File]) {
             }
         }
     }
+    let debug = &manifest["debug"];
+    let file = files.iter().find(|f| debug["file"] == f.name.as_str()).expect("a shader");
+    assert!(code(made, &made["debug"]["shader"]).as_bytes() == file.bytes, "{}: {STALE}", file.name);
+    for key in ["entry_point", "workgroups", "bindings", "views"] {
+        assert_eq!(made["debug"][key], debug[key], "debug: {key}: {STALE}");
+    }
+    let mut names = Vec::new();
+    for expected in manifest["dispatches"].as_array().expect("dispatches") {
+        let file = files.iter().find(|f| expected["file"] == f.name.as_str()).expect("a shader");
+        let pass = expected["name"].as_str().expect("a name");
+        let has_code = |name: &String| {
+            let shader = &made["passes"][name]["shader"];
+            shader.is_u64() && code(made, shader).as_bytes() == file.bytes
+        };
+        let name = [pass.to_owned(), format!("{pass}, first")].into_iter().find(has_code);
+        let name = name.unwrap_or_else(|| panic!("{choice}: {}: {STALE}", file.name));
+        let mut expected = expected.clone();
+        for binding in expected["bindings"].as_array_mut().expect("bindings") {
+            for place in ["resource", "copy"] {
+                binding.as_object_mut().expect("a binding").remove(place);
+            }
+        }
+        for key in ["entry_point", "workgroups", "bindings"] {
+            assert_eq!(made["passes"][&name][key], expected[key], "{choice}: {name}: {key}: {STALE}");
+        }
+        names.push(name);
+    }
+    names
+}
+
+/// Settings by name, as `--set` takes them.
+type Changes = Vec<(&'static str, &'static str)>;
+
+const SWITCHES: [&str; 7] = [
+    "matte_temporal.enabled",
+    "matte_prefilter.enabled",
+    "disocclusion.enabled",
+    "firefly.enabled",
+    "matte_bilateral.enabled",
+    "glossy_temporal.enabled",
+    "glossy_bilateral.enabled",
+];
+
+/// Whatever changes the program: stages of either signal, what is fed back, what the median reads, levels of the filter of young
+/// history. All choices of the matte stages; of the others, which share no image with them, all beside a few of those.
+fn choices() -> Vec<(Changes, [bool; 2], bool)> {
+    // No filter, then 3, 2, 1 and 0 of its levels.
+    let young: [[&str; 3]; 5] =
+        [["off", "32", "0.5"], ["on", "64", "0.4"], ["on", "10", "0.2"], ["on", "9", "0.01"], ["on", "1", "1"]];
+    let mut all = Vec::new();
+    let mut add = |bits: usize, feedback, input, young: [&'static str; 3], young_glossy, signals, jitter| {
+        let mut changes: Changes = SWITCHES
+            .iter()
+            .enumerate()
+            .map(|(bit, name)| (*name, if bits >> bit & 1 == 1 { "on" } else { "off" }))
+            .collect();
+        changes.extend([("pipeline.feedback", feedback), ("firefly.input", input), ("young_filter.matte", young[0])]);
+        changes.extend([("young_filter.frames", young[1]), ("young_filter.falloff", young[2])]);
+        changes.push(("young_filter.glossy", if young_glossy { "on" } else { "off" }));
+        all.push((changes, signals, jitter));
+    };
+    let mut count = 0;
+    for feedback in ["temporal", "prefilter", "blend", "firefly", "bilateral"] {
+        for input in ["disocclusion", "temporal"] {
+            for young in young {
+                for matte in 0..32 {
+                    // Every other choice in its turn.
+                    let glossy = count % 4;
+                    add(
+                        matte | glossy << 5,
+                        feedback,
+                        input,
+                        young,
+                        count % 8 < 4,
+                        [true, count % 3 > 0],
+                        count % 2 == 0,
+                    );
+                    count += 1;
+                }
+            }
+        }
+    }
+    for young in young {
+        for bits in (0..4).map(|glossy| 0b11111 | glossy << 5).chain([0, 0b11110 | 3 << 5]) {
+            for signals in [[true, true], [false, true]] {
+                for jitter in [false, true] {
+                    add(bits, "blend", "disocclusion", young, true, signals, jitter);
+                }
+            }
+        }
+    }
+    all
+}
+
+fn set(changes: &Changes) -> Settings {
+    let mut settings = Settings::default();
+    changes.iter().for_each(|(name, value)| settings.set(name, value).expect("a parameter"));
+    settings
 }
 
 #[test]
 fn what_the_package_holds_is_current() {
     let made = made();
-    let switches: Vec<&str> = made["switches"].as_array().expect("switches").iter().filter_map(Value::as_str).collect();
-    let programs = made["programs"].as_object().expect("programs");
-    for (number, of) in programs {
-        let number: u32 = number.parse().expect("a number");
-        let is_on = |bit: usize| number & (1 << bit) != 0;
-        let mut settings = Settings::default();
-        for (bit, name) in switches.iter().enumerate().skip(2).filter(|(_, name)| **name != "direct_taa.enabled") {
-            settings.set(name, if is_on(bit) { "on" } else { "off" }).expect("a switch");
-        }
-        let jitter = is_on(switches.iter().position(|name| *name == "direct_taa.enabled").expect("the switch"));
-        assert_eq!(switches[..2], ["matte", "glossy"]);
-        is_current(&made, number, of, &written(&settings, Size::new(32, 18), [is_on(0), is_on(1)], jitter));
+    let mut met = std::collections::BTreeSet::new();
+    // One in a few of each kind: every pass is met.
+    for (changes, signals, jitter) in choices().into_iter().step_by(7) {
+        met.extend(is_current(
+            &made,
+            &format!("{changes:?}"),
+            &written(&set(&changes), Size::new(32, 18), signals, jitter),
+        ));
     }
-    // Every stage of either signal on or off, direct light anti-aliased or not: 2^5 and 2^2, together and alone, times 2.
-    assert_eq!(programs.len(), 2 * (32 * 4 + 32 + 4), "{STALE}");
+    let held = made["passes"].as_object().expect("passes").keys().cloned().collect();
+    assert_eq!(met, held, "{STALE}");
+
+    let of_preset = |name: &str| {
+        let mut settings = Settings::default();
+        for (name, value) in made["presets"][name].as_object().unwrap_or_else(|| panic!("{name}: {STALE}")) {
+            settings.set(name, &as_text(value)).unwrap_or_else(|e| panic!("{e}: {STALE}"));
+        }
+        settings
+    };
+    for preset in Preset::ALL {
+        assert_eq!(of_preset(preset.name()), Settings::preset(preset), "{}: {STALE}", preset.name());
+    }
+    assert_eq!(made["presets"].as_object().map(|presets| presets.len()), Some(Preset::ALL.len()), "{STALE}");
 
     let default = Settings::default();
     let listed = made["parameters"].as_array().expect("parameters");
@@ -99,11 +197,7 @@ fn what_the_package_holds_is_current() {
     let names: Vec<String> = listed.iter().map(named).collect();
     assert_eq!(names, PARAMETERS.iter().map(|p| p.name).collect::<Vec<_>>(), "{STALE}");
     for (found, parameter) in listed.iter().zip(PARAMETERS) {
-        let value = match &found["default"] {
-            Value::Bool(on) => if *on { "on" } else { "off" }.to_owned(),
-            Value::String(choice) => choice.clone(),
-            number => number.to_string(),
-        };
+        let value = as_text(&found["default"]);
         // The same number however it is written: 1000 and 1000.0.
         let mut set = Settings::default();
         set.set(parameter.name, &value).unwrap_or_else(|e| panic!("{e}: {STALE}"));
@@ -131,11 +225,17 @@ fn what_the_package_holds_is_current() {
     }
 }
 
-/// A parameter and its value, as `--set` takes them.
-type Change = (&'static str, &'static str);
+/// A value of the package as `--set` takes it.
+fn as_text(value: &Value) -> String {
+    match value {
+        Value::Bool(on) => if *on { "on" } else { "off" }.to_owned(),
+        Value::String(choice) => choice.clone(),
+        number => number.to_string(),
+    }
+}
 
 /// Settings that move every member of the struct, each with a size.
-fn cases() -> Vec<(Size, Vec<Change>)> {
+fn cases() -> Vec<(Size, Changes)> {
     vec![
         (Size::new(96, 54), vec![]),
         (Size::new(1920, 1080), vec![]),
@@ -237,6 +337,73 @@ fn settings_and_taps_have_the_bits_of_the_crate() {
     assert_eq!(browser.complaints(), Vec::<String>::new());
 }
 
+/// A program as `planned` of plan.js says it: what each pass binds, and what comes out.
+fn planned(changes: &Changes, signals: [bool; 2], jitter: bool) -> Value {
+    let signal = |there: bool| there.then_some(SignalContents { weight: true, direct: true });
+    let contents =
+        Contents { matte: signal(signals[0]), glossy: signal(signals[1]), jitter, textures: true, ..Contents::USUAL };
+    let program = Program::new(&Plan::new(&set(changes), contents.inputs()), contents, Storage::Half, true);
+    let dispatches = program.dispatches.iter().map(|dispatch| {
+        let bindings = program.bindings(dispatch).filter(|(_, resource, _)| resource.role != Role::Uniform);
+        let bound: Vec<Value> = bindings
+            .map(|(_, resource, before)| json!([resource.slot.name(), if before { "before" } else { "this" }]))
+            .collect();
+        let first = if dispatch.host_input { ", first" } else { "" };
+        json!([format!("{}{first}", dispatch.pass.name), bound])
+    });
+    let name = |index: Option<usize>| index.and_then(|index| program.resources.get(index)).map(|r| r.slot.name());
+    let shown = program.shown;
+    json!({
+        "dispatches": dispatches.collect::<Vec<_>>(),
+        "outputs": {
+            "composite": name(shown.composite),
+            "direct": name(shown.direct),
+            "matte": name(shown.matte),
+            "glossy": name(shown.glossy),
+            "confidence": name(shown.confidence),
+            "history_length": name(shown.length),
+        },
+    })
+}
+
+#[test]
+fn programs_of_every_choice_are_the_crates() {
+    let Some(browser) = browser() else { return };
+    let server = Server::start(served(&PACKAGE).into_iter().chain([empty()]).collect());
+    browser.visit(&server.address("empty.html"));
+    let choices = choices();
+    for some in choices.chunks(200) {
+        let given: Vec<Value> = some
+            .iter()
+            .map(|(changes, [matte, glossy], jitter)| {
+                let settings: Value =
+                    changes.iter().map(|(name, value)| ((*name).to_owned(), in_javascript(value))).collect();
+                let signals = [("matte", *matte), ("glossy", *glossy)];
+                let signals: Vec<&str> =
+                    signals.into_iter().filter_map(|(name, there)| there.then_some(name)).collect();
+                json!([settings, signals, jitter])
+            })
+            .collect();
+        let found = browser.awaited(&format!(
+            "{{
+                const {{ changed, preset }} = await import('/packages/quell-denoise/src/settings.js');
+                const {{ planned }} = await import('/packages/quell-denoise/src/plan.js');
+                return {}.map(([given, signals, jitter]) => {{
+                    const {{ dispatches, outputs }} = planned(changed(preset('paper'), given), signals, jitter);
+                    const bound = ({{ pass, bound }}) => [pass, bound.map(({{ resource, copy }}) => [resource, copy])];
+                    return {{ dispatches: dispatches.map(bound), outputs }};
+                }});
+            }}",
+            Value::from(given)
+        ));
+        for (found, (changes, signals, jitter)) in found.as_array().expect("programs").iter().zip(some) {
+            assert_eq!(*found, planned(changes, *signals, *jitter), "{changes:?}, {signals:?}, {jitter}");
+        }
+    }
+    println!("{} choices", choices.len());
+    assert_eq!(browser.complaints(), Vec::<String>::new());
+}
+
 fn empty() -> (String, Vec<u8>) {
     ("empty.html".to_owned(), b"<!doctype html><title>quell-denoise</title>".to_vec())
 }
@@ -274,7 +441,7 @@ fn errors_settings_and_sizes_leave_it_usable() {
 fn the_examples_of_the_docs_run() {
     if let Some(came) = run("examples.js", &json!(repository_file("docs/javascript.md"))) {
         assert_eq!(came["wrong"], json!([]));
-        assert_eq!(came["ran"], 3);
+        assert_eq!(came["ran"], 4);
     }
 }
 

@@ -9,7 +9,7 @@ pub(super) mod server;
 use super::browser::Browser;
 use base64::Engine;
 use quell::gpu::{Contents, Convention, Pass, Storage, wgpu};
-use quell::{Settings, Size};
+use quell::{Preset, Settings, Size};
 use quell_host::manifest::{Choice, File, MANIFEST, files};
 use quell_host::{Denoiser, Gpu, Wanted};
 use quell_lab::trial;
@@ -137,6 +137,21 @@ fn native(settings: &Settings) -> Option<(String, Vec<f32>)> {
     Some((gpu.adapter().to_string(), last))
 }
 
+/// The composite with the preset `quality`: the package's own bits are those of the files.
+fn of_quality(browser: &Browser) -> Vec<f32> {
+    let settings = Settings::preset(Preset::Quality);
+    let files = written(&told(&settings));
+    let [from_files, found] = [GIVEN, "examples/web/index.html?preset=quality"].map(|page| {
+        let state = run(browser, page, &files);
+        assert_eq!(state["failed"], Value::Null, "{state}");
+        let last = &state["frames"][FRAMES as usize - 1]["outputs"]["composite"]["most"];
+        assert!(last.as_f64().is_some_and(|most| most <= RELATIVE), "quality: {last}");
+        output(browser, "composite")
+    });
+    assert_eq!(from_files, found);
+    found
+}
+
 #[test]
 fn frames_in_a_browser_agree_with_the_reference() {
     let Some(browser) = browser() else { return };
@@ -160,6 +175,8 @@ fn frames_in_a_browser_agree_with_the_reference() {
     // The package's shaders, settings and tables of taps are those of the files, to the bit.
     assert_eq!(from_files, found);
     assert!(found.iter().all(|v| v.is_finite()) && found.iter().any(|v| *v > 0.1));
+    let of_quality = of_quality(&browser);
+    assert_ne!(found, of_quality);
     let native = native(&settings);
     if let Some((adapter, expected)) = &native {
         let (share, largest) = apart(&found, expected);

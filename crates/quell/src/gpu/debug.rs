@@ -96,6 +96,30 @@ impl DebugView {
     }
 }
 
+/// Every view by the name that hosts in other languages know it by, with its number in the shader.
+pub fn debug_view_numbers() -> impl Iterator<Item = (&'static str, u32)> {
+    let views = [
+        ("light", DebugView::Light(Image::Composite)),
+        ("depth", DebugView::Depth),
+        ("normal", DebugView::Normal),
+        ("roughness", DebugView::Roughness),
+        ("surface_id", DebugView::SurfaceId),
+        ("glossy_hit", DebugView::GlossyHit),
+        ("motion", DebugView::Motion),
+        ("confidence_in", DebugView::ConfidenceIn),
+        ("world_grid", DebugView::WorldGrid),
+        ("normal_error", DebugView::NormalError),
+        ("motion_error", DebugView::MotionError),
+        ("depth_error", DebugView::DepthError),
+        ("confidence", DebugView::Confidence),
+        ("history_length", DebugView::HistoryLength),
+        ("rejection", DebugView::Rejection),
+        ("weights_around", DebugView::WeightsAround([0, 0])),
+        ("weight_sum", DebugView::WeightSum),
+    ];
+    views.into_iter().map(|(name, view)| (name, view.index()))
+}
+
 uniforms! {
     /// Twin of `Debug` in `passes/debug.wgsl`.
     pub(super) DebugUniforms as "Debug" {

@@ -102,6 +102,7 @@ pub use timing::Timing;
 #[allow(unused_imports, reason = "without the feature `internals` few are used")]
 mod internals {
     pub use super::convention::PrepareUniforms;
+    pub use super::debug::debug_view_numbers;
     pub use super::guides::{GuideTexels, pack_guides, pack_spiral};
     pub use super::kernel::{Bindable, Kernel, PerFrameUniforms};
     pub use super::pack::{PackedFrame, PackedSignal, unpack_colours, unpack_fourth, unpack_numbers};
