@@ -4,11 +4,13 @@ import os
 import signal
 import subprocess
 import sys
+import tempfile
 import textwrap
 import threading
 import unittest
 import warnings
 
+import exr
 import numpy as np
 import quell
 import scenes
@@ -226,12 +228,45 @@ class Bad(unittest.TestCase):
         np.testing.assert_array_equal(np.stack([clean.color for clean in out]), good)
         self.assertEqual(sequence.flush(), [])
 
+    def test_frames_out_of_order(self):
+        g = frames(4)
+        good = quell.denoise(**g, settings=SETTINGS)
+        one = [{name: array[at] for name, array in g.items()} for at in range(4)]
+        sequence = quell.Sequence(settings=SETTINGS)
+        out = sequence.push(**one[0], number=4) + sequence.push(**one[1], number=5)
+        for number in (5, 4, -7):
+            with self.assertRaisesRegex(quell.InputError, f"number {number} after 5; numbers rise"):
+                sequence.push(**one[2], number=number)
+        for number in (2.5, True, "6"):
+            with self.assertRaisesRegex(quell.InputError, "^number: "):
+                sequence.push(**one[2], number=number)
+        out += sequence.push(**one[2]) + sequence.push(**one[3]) + sequence.flush()
+        self.assertEqual([clean.number for clean in out], [4, 5, 6, 7])
+        np.testing.assert_array_equal(np.stack([clean.color for clean in out]), good)
+        # After a flush another sequence begins, with any number.
+        self.assertEqual(sequence.push(**one[0], number=1), [])
+
     def test_a_callback_that_raises(self):
         def progress(done, of):
             raise LookupError(f"{done} of {of}")
 
         with self.assertRaisesRegex(LookupError, "1 of 4"):
             quell.denoise(**frames(4), settings=SETTINGS, progress=progress)
+        # Between files, too; what is written is whole, and the job goes on from there.
+        with tempfile.TemporaryDirectory() as folder:
+            g, noisy = frames(4), os.path.join(folder, "noisy")
+            os.mkdir(noisy)
+            for at in range(4):
+                exr.write(f"{noisy}/shot.{at + 1:04d}.exr", scenes.channels({name: array[at] for name, array in g.items()}))
+            words = {"motion_convention": "pixels", "settings": SETTINGS}
+            with self.assertRaisesRegex(LookupError, "1 of 4"):
+                quell.denoise_files(noisy, f"{folder}/clean", progress=progress, **words)
+            report = quell.denoise_files(noisy, f"{folder}/clean", existing="resume", **words)
+            self.assertEqual(sorted(report.written + report.there_already), [1, 2, 3, 4])
+            self.assertIn(1, report.there_already)
+            with self.assertRaises(LookupError):
+                quell.doctor(noisy, progress=progress)
+            self.assertEqual(quell.doctor(noisy)["frames_found"], [1, 2, 3, 4])
 
     def test_files_that_are_not_there(self):
         with self.assertRaisesRegex(quell.InputError, "no file is called like this"):

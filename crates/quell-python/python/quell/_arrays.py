@@ -86,20 +86,19 @@ def _same(array: np.ndarray) -> Any:
 
 def like(value: Any) -> Callable[[np.ndarray], Any]:
     """How a numpy array becomes one of the kind of `value`."""
-    if isinstance(value, np.ndarray):
-        return _same
+    framework = _framework(value)
+    made: Callable[[np.ndarray], Any] = _same
     if isinstance(value, memoryview):
         return lambda array: array.data
-    framework = _framework(value)
-    if framework == "torch":
-        return sys.modules["torch"].from_numpy
-    if framework in ("jax", "jaxlib"):
-        return importlib.import_module("jax.numpy").asarray
-    if framework in ("drjit", "mitsuba"):
-        return type(value)
-    if hasattr(value, "__array_namespace__"):
-        return value.__array_namespace__().from_dlpack
-    return _same
+    elif framework == "torch":
+        made = sys.modules["torch"].from_numpy
+    elif framework in ("jax", "jaxlib"):
+        made = importlib.import_module("jax.numpy").asarray
+    elif framework in ("drjit", "mitsuba"):
+        made = type(value)
+    elif not isinstance(value, np.ndarray) and hasattr(value, "__array_namespace__"):
+        made = value.__array_namespace__().from_dlpack
+    return made
 
 
 def ready(name: str, array: np.ndarray) -> tuple[np.ndarray, bool]:

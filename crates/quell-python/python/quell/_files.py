@@ -155,4 +155,5 @@ def doctor(
             _paths(inputs), None if numbers is None else sorted(set(numbers)), layer, view, _map(roles), motion_convention,
             renderer, threads, teller.tell,
         )  # fmt: skip
-    return json.loads(found)
+    diagnosis: dict[str, Any] = json.loads(found)
+    return diagnosis

@@ -80,7 +80,7 @@ class Denoiser:
     ----------
     size : (height, width)
     preset, settings
-        `paper`, and any parameter by name; see `quell.parameters("paper")`.
+        `paper` or `quality` (smooth from the first frame on), and any parameter by name; see `quell.parameters("paper")`.
     backend, device, threads
         As for `quell.Sequence`.
     """

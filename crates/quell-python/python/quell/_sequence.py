@@ -130,7 +130,7 @@ class Sequence:
         self._mapping = ""
         self._lock = threading.Lock()
         # What can be checked without a frame is checked now.
-        self._lookahead = self._start(motion_convention).lookahead()
+        self._lookahead = int(self._start(motion_convention).lookahead())
 
     def _start(self, motion: str | None) -> Any:
         settings, renderer, cuts, backend, device, threads = self._options
@@ -164,7 +164,7 @@ class Sequence:
         """Takes the next frame and returns those that are ready: none or one as a rule, more after a cut.
 
         Arrays are as `quell.denoise` takes them for one frame. `number` is the frame's number, by default the last one's and
-        one more; a number that does not follow begins a new shot, and what waited comes out.
+        one more; a gap begins a new shot, and what waited comes out. Numbers rise until `flush()`.
         """
         given = dict(
             color=color, albedo=albedo, normal=normal, depth=depth, motion=motion, position=position,
@@ -261,7 +261,14 @@ class Sequence:
     def _emit(self, out: list[Clean]) -> Any:
         kinds = self._kinds
 
-        def emit(number: int, height: int, width: int, passes: list, noise: bytearray | None, notes: list[str]) -> None:
+        def emit(
+            number: int,
+            height: int,
+            width: int,
+            passes: list[tuple[str, int, bool, bytearray]],
+            noise: bytearray | None,
+            notes: list[str],
+        ) -> None:
             color, found = None, {}
             for name, channels, halves, data in passes:
                 axes, kind = kinds[name]
@@ -431,7 +438,7 @@ def denoise(
     return picture if passes is None else (picture, made)
 
 
-def _frames(arrays: dict[tuple[str, str | None], np.ndarray], planes: dict) -> int | None:
+def _frames(arrays: dict[tuple[str, str | None], np.ndarray], planes: dict[str, tuple[str, tuple[int, ...]]]) -> int | None:
     """How many frames; None for one without an axis of frames. Every array has it, or none."""
     (first, role), array = next(iter(arrays.items()))
     channels = planes[first][1] if role else (0, 1, 2, 3, 4)
