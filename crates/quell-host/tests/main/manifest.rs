@@ -193,10 +193,14 @@ fn what_the_manifest_says_is_there() {
         let known = |name: &serde_json::Value| resources.iter().any(|r| r["name"] == *name);
         let dispatches = value["dispatches"].as_array().expect("a list");
         assert_eq!(dispatches.len(), if fuse { 8 } else { 12 });
-        for dispatch in dispatches {
+        let debug = &value["debug"];
+        assert_eq!((&debug["views"]["depth"], &debug["views"]["weight_sum"]), (&1.into(), &16.into()));
+        for dispatch in dispatches.iter().chain([debug]) {
             assert!(names.contains(&dispatch["file"].as_str().expect("a file")), "{dispatch}");
             for binding in dispatch["bindings"].as_array().expect("a list") {
-                assert!(binding["kind"] == "uniform" || known(&binding["resource"]), "{binding}");
+                // The debug views' picture and what they show besides the guides are the host's to choose.
+                let is_chosen = binding["resource"].is_null() && dispatch == debug;
+                assert!(binding["kind"] == "uniform" || is_chosen || known(&binding["resource"]), "{binding}");
             }
         }
         for guide in resources.iter().filter(|r| r["optional"] == true) {
@@ -219,7 +223,8 @@ fn what_the_manifest_says_is_there() {
             let (bytes, period) = (taps["bytes"].as_u64().expect("bytes"), taps["period"].as_u64().expect("frames"));
             assert_eq!(table.bytes.len() as u64, bytes * period);
         }
-        let files_named = 1 + dispatches.len() + resources.iter().filter(|r| r["role"] == "taps").count();
+        // The manifest and the debug views' shader.
+        let files_named = 2 + dispatches.len() + resources.iter().filter(|r| r["role"] == "taps").count();
         assert_eq!(files.len(), files_named, "{names:?}");
     }
 }
