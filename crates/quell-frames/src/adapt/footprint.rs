@@ -34,10 +34,12 @@ impl Footprint {
         (12.0 * self.lights + 4.0) * (steady as f64 + 1.0) + (12.0 + 12.0 + 48.0) * (2.0 * steady as f64 + 1.0)
     }
 
-    /// The filter's images of one frame: colours twice, variances twice, what is compared; its guides. Or those of `blend`: statistics, what
-    /// its net reads and makes of it.
-    pub fn at_work(&self) -> f64 {
-        (40.0 * self.lights + 80.0).max(360.0)
+    /// The filter's images of one frame of so many rows: colours, variances, what is compared, and luminance stops, with some rows of
+    /// the first two that wait until nobody reads those before; its guides. Or those of `blend`: what its net makes of a picture, and
+    /// of some rows statistics and what it reads.
+    pub fn at_work(&self, rows: f64) -> f64 {
+        let part = |some: f64| (some / rows.max(1.0)).min(1.0);
+        (28.0 * self.lights + 80.0 + 16.0 * self.lights * part(128.0)).max(180.0 + 220.0 * part(150.0))
     }
 
     /// As it comes out of the filter, with its expected error.

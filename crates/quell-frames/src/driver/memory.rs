@@ -63,11 +63,12 @@ impl Estimate {
         // The files of all layers are read together; the filters of layers take turns.
         let reading = sum(&|f| f.read_bytes + f.waiting()) + most(&Footprint::planes);
         let writing = sum(&|f| f.written_bytes + f.filtered()) + 64.0;
-        let inside = sum(&|f| f.waiting() * self.window as f64 + f.estimates(self.steady)) + most(&Footprint::at_work);
+        let rows = if bands <= 1 { height } else { (height / bands as f64 + 2.0 * margin as f64).min(height) };
+        let at_work = most(&|f: &Footprint| f.at_work(rows));
+        let inside = sum(&|f| f.waiting() * self.window as f64 + f.estimates(self.steady)) + at_work;
         let peak = if bands <= 1 {
             pixels * (reading + inside + writing)
         } else {
-            let rows = (height / bands as f64 + 2.0 * margin as f64).min(height);
             // A frame as read, and the one before that waits for it; then bands, one frame more than in the window on its
             // way in and one on its way out; then frames as written.
             let band = width * rows * (inside + sum(&|f| f.waiting() + f.filtered()));

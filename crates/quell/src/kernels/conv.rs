@@ -11,6 +11,7 @@ use crate::plane::Size;
 use crate::window::Rows;
 #[cfg(feature = "cpu")]
 use fearless_simd::{Simd, f32x16, prelude::*};
+use std::ops::Range;
 
 /// Slope of the rectified linear units below 0.
 pub(crate) const LEAK: f32 = 0.05;
@@ -77,36 +78,49 @@ impl ConvNet {
         Self { mean, scale, layers }
     }
 
-    /// The outputs at every pixel of `inputs`, whose first row is row `first_row` of the picture.
-    pub(crate) fn run(&self, inputs: Rows, first_row: usize) -> Rows {
-        let size = inputs.size();
+    /// The outputs at every pixel of an image whose first row is row `first_row` of the picture. `inputs` gives what some rows of it
+    /// hold, from the first to the last, some of them twice: never all at once, they are many channels.
+    pub(crate) fn run(&self, size: Size, first_row: usize, mut inputs: impl FnMut(Range<usize>) -> Rows) -> Rows {
         let above = first_row % GRID;
         let whole = Size::new(size.width.next_multiple_of(GRID), (above + size.height).next_multiple_of(GRID));
         let half = Size::new(whole.width / 2, whole.height / 2);
         let quarter = Size::new(half.width / 2, half.height / 2);
         let [first, second, third, fourth, fifth, sixth, seventh, last] = &self.layers;
-        // What is read, made standard; beyond the picture its border.
-        let standard = |y: usize, c: usize, from: usize, out: &mut [f32]| {
-            let row = inputs.row(y.saturating_sub(above).min(size.height - 1), c);
-            for (x, out) in out.iter_mut().enumerate() {
-                let value = (row[(from + x).min(size.width - 1)] - self.mean[c]) * self.scale[c];
-                *out = value.clamp(-MOST_INPUT, MOST_INPUT);
-            }
-        };
-        let before = first.run(whole, standard, true);
-        drop(inputs);
-        let a = second.run(whole, own(&before), true);
-        drop(before);
+        // Beyond the picture its border.
+        let row_of = |y: usize| y.saturating_sub(above).min(size.height - 1);
+        let mut a = Rows::new(whole, second.outputs);
+        for (k, out) in a.data_mut().chunks_mut((BAND * second.outputs * whole.width).max(1)).enumerate() {
+            let rows = BAND * k..(BAND * (k + 1)).min(whole.height);
+            let wider = rows.start.saturating_sub(1)..(rows.end + 1).min(whole.height);
+            let begin = row_of(wider.start);
+            let read = inputs(begin..row_of(wider.end - 1) + 1);
+            // What is read, made standard.
+            let standard = |y: usize, c: usize, from: usize, out: &mut [f32]| {
+                let row = read.row(row_of(y) - begin, c);
+                for (x, out) in out.iter_mut().enumerate() {
+                    let value = (row[(from + x).min(size.width - 1)] - self.mean[c]) * self.scale[c];
+                    *out = value.clamp(-MOST_INPUT, MOST_INPUT);
+                }
+            };
+            let before = first.rows(whole, wider.clone(), standard, true);
+            second.fill(whole, rows, from_row(&before, wider.start), true, out);
+        }
         let b = third.run(half, halved(&a), true);
-        let c = fifth.run(quarter, own(&fourth.run(quarter, halved(&b), true)), true);
+        let c = fifth.run(quarter, from_row(&fourth.run(quarter, halved(&b), true), 0), true);
         let d = sixth.run(half, beside(&b, &c), true);
-        let out = last.run(whole, own(&seventh.run(whole, beside(&a, &d), true)), false);
+        drop((b, c));
         let mut cut = Rows::new(size, last.outputs);
-        par::rows(cut.data_mut(), (last.outputs * size.width).max(1), |y, row| {
-            for (c, row) in row.chunks_exact_mut(size.width).enumerate() {
-                row.copy_from_slice(&out.row(above + y, c)[..size.width]);
-            }
-        });
+        let length = (last.outputs * size.width).max(1);
+        for (k, cut) in cut.data_mut().chunks_mut(BAND * length).enumerate() {
+            let rows = above + BAND * k..above + (BAND * (k + 1)).min(size.height);
+            let before = seventh.rows(whole, rows.clone(), beside(&a, &d), true);
+            let out = last.rows(whole, rows.clone(), from_row(&before, rows.start), false);
+            par::rows(cut, length, |y, row| {
+                for (c, row) in row.chunks_exact_mut(size.width).enumerate() {
+                    row.copy_from_slice(&out.row(y, c)[..size.width]);
+                }
+            });
+        }
         cut
     }
 }
@@ -124,6 +138,9 @@ trait Simd: Copy {}
 #[cfg(not(feature = "cpu"))]
 impl Simd for () {}
 
+/// Rows that layers follow each other on before the next rows come. Few in tests, so that small pictures have some.
+const BAND: usize = if cfg!(test) { 16 } else { 128 };
+
 /// What a layer reads around the pixels of a tile: line by line of each input.
 struct Fetched {
     values: Vec<f32>,
@@ -135,11 +152,35 @@ impl Layer {
     /// `fetch` fills in row y of input c from a column on. Beyond the picture its border counts. Sums are taken in the order of inputs, rows and
     /// columns.
     fn run(&self, size: Size, fetch: impl Fn(usize, usize, usize, &mut [f32]) + Sync, rectify: bool) -> Rows {
-        let mut out = Rows::new(size, self.outputs);
+        self.rows(size, 0..size.height, fetch, rectify)
+    }
+
+    /// The same of some rows.
+    fn rows(
+        &self,
+        size: Size,
+        rows: Range<usize>,
+        fetch: impl Fn(usize, usize, usize, &mut [f32]) + Sync,
+        rectify: bool,
+    ) -> Rows {
+        let mut out = Rows::new(Size::new(size.width, rows.len()), self.outputs);
+        self.fill(size, rows, fetch, rectify, out.data_mut());
+        out
+    }
+
+    /// The same into what holds them.
+    fn fill(
+        &self,
+        size: Size,
+        rows: Range<usize>,
+        fetch: impl Fn(usize, usize, usize, &mut [f32]) + Sync,
+        rectify: bool,
+        out: &mut [f32],
+    ) {
         let row_length = (self.outputs * size.width).max(1);
         let weights = self.grouped();
-        par::rows(out.data_mut(), STRIP * row_length, |strip, out| {
-            let (around, first) = (self.side / 2, STRIP * strip);
+        par::rows(out, STRIP * row_length, |strip, out| {
+            let (around, first) = (self.side / 2, rows.start + STRIP * strip);
             let lines = out.len() / row_length + 2 * around;
             let mut fetched = Fetched {
                 values: vec![0.0; self.inputs * lines * (TILE + 2 * around)],
@@ -169,7 +210,6 @@ impl Layer {
                 }
             }
         });
-        out
     }
 
     /// Weights of eight outputs, tap by tap; of outputs that there are not 0.
@@ -285,9 +325,9 @@ impl Fetched {
     }
 }
 
-/// Rows of an image as they are.
-fn own(rows: &Rows) -> impl Fn(usize, usize, usize, &mut [f32]) + Sync {
-    |y, c, from, out| out.copy_from_slice(&rows.row(y, c)[from..][..out.len()])
+/// Rows of an image as they are, the first of which is row `first`.
+fn from_row(rows: &Rows, first: usize) -> impl Fn(usize, usize, usize, &mut [f32]) + Sync {
+    move |y, c, from, out| out.copy_from_slice(&rows.row(y - first, c)[from..][..out.len()])
 }
 
 /// Means of 2x2 pixels.
@@ -359,7 +399,8 @@ mod tests {
             let weights = (0..outputs * inputs * side * side).map(|_| value()).collect();
             let layer = Layer { inputs, outputs, side, weights, bias: (0..outputs).map(|_| value()).collect() };
             for rectify in [false, true] {
-                let (found, expected) = (layer.run(size, own(&image), rectify), plainly(&layer, &image, rectify));
+                let (found, expected) =
+                    (layer.run(size, from_row(&image, 0), rectify), plainly(&layer, &image, rectify));
                 assert_eq!(found, expected, "{size}, {inputs} inputs, {outputs} outputs, {side}x{side}");
             }
         }

@@ -1,7 +1,7 @@
 //! Sixteen pixels of a row on lanes.
 
 use super::halves::{widen, widen_eight};
-use fearless_simd::{Simd, f32x16, prelude::*};
+use fearless_simd::{Simd, f32x16, i32x16, prelude::*};
 use half::f16;
 
 /// Pixels of a row that filters work on at once, through all taps: their sums stay in registers.
@@ -72,6 +72,20 @@ pub(crate) fn store<S: Simd>(values: f32x16<S>, row: &mut [f32], x: usize) {
     row[x..].iter_mut().zip(values).for_each(|(out, value)| *out = value);
 }
 
+/// [`exp2`](crate::stages::blend::exp2) on lanes, to the bit.
+#[inline(always)]
+pub(crate) fn exp2<S: Simd>(simd: S, x: f32x16<S>) -> f32x16<S> {
+    let (least, most) = (f32x16::splat(simd, -60.0), f32x16::splat(simd, 60.0));
+    // What is no number stays none.
+    let x = x.simd_lt(least).select(least, x);
+    let x = x.simd_gt(most).select(most, x);
+    let whole = x.floor();
+    let t = x - whole;
+    let p = (((t * 0.079_125_2) + 0.224_946_3) * t + 0.695_928_5) * t + 1.0;
+    let scale = (whole.to_int::<i32x16<S>>() + i32x16::splat(simd, 127)) << 23;
+    scale.bitcast::<f32x16<S>>() * p
+}
+
 /// Of the columns from `at` on: 1 where they lie in a row of `w`, else 0.
 #[cold]
 pub(crate) fn inside(at: isize, w: usize) -> [f32; BLOCK] {
@@ -87,6 +101,20 @@ pub(crate) fn whole(at: isize, w: usize) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn powers_of_two_have_the_bits_of_one_lane() {
+        let values: Vec<f32> = (-700..700).map(|i| i as f32 * 0.097).chain([f32::NAN, -0.0, 1e9, -1e30]).collect();
+        fearless_simd::dispatch!(crate::simd::level(), simd => {
+            for some in values.chunks(BLOCK) {
+                let found: [f32; BLOCK] = exp2(simd, load::<true, _>(simd, some, 0)).into();
+                for (found, x) in found.into_iter().zip(some) {
+                    let expected = crate::stages::blend::exp2(*x);
+                    assert!(found.to_bits() == expected.to_bits() || x.is_nan() && found.is_nan(), "{x}");
+                }
+            }
+        });
+    }
 
     #[test]
     fn what_lies_beyond_a_row_is_zero() {

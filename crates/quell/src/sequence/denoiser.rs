@@ -9,6 +9,7 @@ use super::settings::SequenceSettings;
 use crate::denoiser::Backend;
 use crate::error::Error;
 use crate::frame::Rgb;
+use crate::par;
 use crate::plane::{Plane, Size};
 use crate::window::{PreparedFrame, Rows, Weight};
 use std::collections::VecDeque;
@@ -259,6 +260,10 @@ impl SequenceDenoiser {
                         }
                         self.entries[i].estimate = Some(estimate);
                         self.entries[i].frame.estimated();
+                        if i < t || !self.entries[i].wanted {
+                            // It only helps its neighbours: nobody asks for its lights.
+                            self.given_out(i);
+                        }
                     }
                 }
                 if let Some(filtered) = self.result(t, from, to) {
@@ -336,7 +341,7 @@ impl SequenceDenoiser {
             run::finish(self.stages, &self.plan, &frames, t - from, &self.settings, &mut self.times);
         let samples = estimate.samples.clone();
         let full = self.settings.variance.confident_samples;
-        let confidence = Plane::from_fn(samples.size(), |x, y| (samples.at(x, y) / full).min(1.0));
+        let confidence = par::plane(samples.size(), |x, y| (samples.at(x, y) / full).min(1.0));
         let lights = with_weights(&entry.frame, passes);
         let (number, repaired) = (entry.frame.number, entry.frame.repaired);
         Some(Filtered { number, lights, alpha, confidence, samples, noise, repaired })

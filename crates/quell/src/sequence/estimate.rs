@@ -12,7 +12,7 @@ use crate::denoiser::Backend;
 use crate::par;
 use crate::plane::{Plane, Size};
 use crate::stages::gather::{self, Gathered, decay, lit};
-use crate::window::{Class, Features, LightSlot, Packed, PreparedFrame, Rows, Samples};
+use crate::window::{Class, Features, LightSlot, Motion, Packed, PreparedFrame, Rows, Samples};
 
 /// A plane of a frame of the window.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -151,7 +151,8 @@ impl<'a> EstimateJob<'a> {
             for slot in &slots {
                 let Samples::Own(own) = &here.stored[slot.light] else { continue };
                 for (k, plane) in own.iter().enumerate() {
-                    for (x, value) in plane.row(y).iter().enumerate() {
+                    for x in 0..w {
+                        let value = plane.at(y * w + x);
                         for c in 0..3 {
                             row[(3 * (slot.first + k) + c) * w + x] = value[c];
                         }
@@ -277,12 +278,10 @@ impl<'a> EstimateJob<'a> {
                 let [x, y, z] = member.features.surface[i].normal;
                 numbers(texel, [x, y, z, if member.features.is_mirror(i) { 1.0 } else { 0.0 }]);
             }),
-            FramePlane::ToPrevious => self.motion(align, member.features.motion.to_previous.as_ref()),
-            FramePlane::ToNext => self.motion(align, member.features.motion.to_next.as_ref()),
-            FramePlane::ReflectionToPrevious => {
-                self.motion(align, member.features.motion.reflection_to_previous.as_ref())
-            }
-            FramePlane::ReflectionToNext => self.motion(align, member.features.motion.reflection_to_next.as_ref()),
+            FramePlane::ToPrevious => self.motion(align, member.features.motion.get(false, false)),
+            FramePlane::ToNext => self.motion(align, member.features.motion.get(true, false)),
+            FramePlane::ReflectionToPrevious => self.motion(align, member.features.motion.get(false, true)),
+            FramePlane::ReflectionToNext => self.motion(align, member.features.motion.get(true, true)),
             FramePlane::SeenColour => self.packed(align, member.features.seen.as_ref().map(|seen| (seen, 0))),
             FramePlane::SeenNormal => self.packed(align, member.features.seen.as_ref().map(|seen| (seen, 1))),
             FramePlane::Light(number) => {
@@ -308,10 +307,10 @@ impl<'a> EstimateJob<'a> {
         }
     }
 
-    fn motion(&self, align: usize, motion: Option<&Plane<[f32; 2]>>) -> Vec<u8> {
+    fn motion(&self, align: usize, motion: Option<Motion<'_>>) -> Vec<u8> {
         let known = |m: [f32; 2]| m.iter().all(|c| c.abs() <= FramePlane::FAR);
         self.texels(align, 8, |i, texel| {
-            let m = motion.map_or([0.0; 2], |motion| motion.data()[i]);
+            let m = motion.map_or([0.0; 2], |motion| motion.at(i));
             numbers(texel, if known(m) { m } else { [FramePlane::FAR; 2] });
         })
     }

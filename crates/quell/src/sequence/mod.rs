@@ -28,7 +28,7 @@ pub mod settings;
 pub(crate) mod testing;
 
 #[cfg(feature = "internals")]
-pub use crate::window::{Features, LightSlot, MotionPlanes, SurfacePoint};
+pub use crate::window::{Features, LightSlot, Motion, MotionPlanes, Sparse, SurfacePoint, Vectors};
 pub use crate::window::{PreparedFrame, SpooledFrame};
 pub use accelerator::Accelerator;
 pub use denoiser::SequenceDenoiser;
@@ -44,7 +44,7 @@ pub use settings::{SEQUENCE_PARAMETERS, SequenceSettings};
 mod device {
     pub use super::accelerator::{AcceleratedWindow, Guide, WaveletJob, WaveletLight};
     pub use super::estimate::{EstimateJob, FramePlane, GatheredLight, LightPlace, OnCpu, WindowFrame};
-    pub use crate::window::{Features, LightSlot, MotionPlanes, SurfacePoint};
+    pub use crate::window::{Features, LightSlot, Motion, MotionPlanes, Sparse, SurfacePoint, Vectors};
 }
 #[cfg(feature = "internals")]
 pub use device::*;

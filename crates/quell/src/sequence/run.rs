@@ -7,12 +7,13 @@ use crate::denoiser::Backend;
 use crate::error::Error;
 use crate::frame::Rgb;
 use crate::kernels::math::lerp;
+use crate::par;
 use crate::plane::{Plane, Size};
 use crate::stages::blend::{Blend, BlendFrame};
 use crate::stages::gather::Gathered;
 use crate::stages::reflection_motion::ReflectionMotion;
 use crate::stages::stabilise::{Likeness, Signature, StabiliseFrame};
-use crate::window::{Features, LightSlot, LocalFeatures, PreparedFrame, Rows};
+use crate::window::{Features, LightSlot, LocalFeatures, PreparedFrame, Rows, Sparse, Vectors};
 
 /// Of each light the variance that the renderer gave, NaN where it is unknown.
 pub(crate) type GivenVariance = [Option<Plane<f32>>];
@@ -194,8 +195,13 @@ pub(crate) fn link(
             && let Some(found) =
                 times.during(stage.name(), || (stages.reflection_motion)(previous, next, &s.reflections))
         {
-            previous.motion.reflection_to_next = found.to_next;
-            next.motion.reflection_to_previous = found.to_previous;
+            // Kept where it is not the surface's: mirrors are few.
+            let departing = |found: Option<Plane<[f32; 2]>>, surface: Option<&Vectors>| {
+                let (found, surface) = (found?, surface?);
+                Some(Sparse::new(found.size().pixels(), |p| found.data()[p], |p| surface.at(p)))
+            };
+            previous.motion.reflection_to_next = departing(found.to_next, previous.motion.to_next.as_ref());
+            next.motion.reflection_to_previous = departing(found.to_previous, next.motion.to_previous.as_ref());
         }
     }
 }
@@ -312,7 +318,8 @@ pub(crate) fn blend_view(
         .filter(|i| every > 0 && (i.wrapping_mul(0x9e37_79b9) >> 16) % every == 0)
         .map(|i| (i % noise.size().width, i / noise.size().width))
         .collect();
-    let joint = crate::stages::stabilise::joint::Joint::new(&around, centre, &s.gather, &s.stabilise);
+    let rows = 0..noise.size().height;
+    let joint = crate::stages::stabilise::joint::Joint::new(&around, centre, &s.gather, &s.stabilise, rows);
     let (taps, inverse) = crate::stages::stabilise::joint::training_taps(&joint, &chosen);
     let candidates = [estimate.input.clone(), estimate.picture.clone(), steady];
     BlendView { number: frame.number, candidates, inputs, noise, own_noise, inverse, before, chosen, taps }
@@ -328,7 +335,7 @@ fn blend_alpha(own: Option<&Plane<f32>>, steady: Option<Plane<f32>>, shares: &Pl
 }
 
 fn most_samples(size: Size, moments: &Rows) -> Plane<f32> {
-    Plane::from_fn(size, |x, y| (0..moments.channels() / 2).map(|l| moments.row(y, 2 * l + 1)[x]).fold(1.0, f32::max))
+    par::plane(size, |x, y| (0..moments.channels() / 2).map(|l| moments.row(y, 2 * l + 1)[x]).fold(1.0, f32::max))
 }
 
 #[cfg(test)]

@@ -10,7 +10,7 @@ use crate::sequence::testing::random;
 use crate::sequence::{LightKind, stages_of};
 use crate::stages::gather::Gathered;
 use crate::stages::stabilise::StabiliseFrame;
-use crate::window::{Features, LightSlot, MotionPlanes, Rows, SurfacePoint};
+use crate::window::{Features, LightSlot, MotionPlanes, Rows, SurfacePoint, Vectors};
 
 const SIZE: Size = Size::new(48, 30);
 /// Pixels a frame by which the wall moves to the left.
@@ -29,7 +29,7 @@ fn features(frame: &Frame<'_>) -> Features {
         first_row: 0,
         picture_height: frame.size.height,
         surface: Plane::from_fn(frame.size, at).data().to_vec(),
-        motion: MotionPlanes { to_previous: motion, ..MotionPlanes::default() },
+        motion: MotionPlanes { to_previous: motion.map(Vectors::new), ..MotionPlanes::default() },
         seen: None,
         has_seen: [false; 2],
         seen_around: None,

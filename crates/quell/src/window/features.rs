@@ -4,13 +4,14 @@
 //! in space are linear in 1/z over the image, so a slope of 1/z predicts a neighbour's depth without any camera.
 
 use super::local::Class;
-use super::mirrors::mirror_colour;
+use super::mirrors::{WHITE, mirror_colour};
 use super::packed::Packed;
+use super::sparse::Sparse;
+use super::vectors::Vectors;
 use crate::frame::Rgb;
 use crate::par;
 use crate::plane::{Plane, Size};
 use crate::sequence::{LightKind, SequenceFrame, SequenceSettings};
-use half::f16;
 
 /// What a pixel shows first.
 #[derive(Clone, Copy, Debug, Default, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
@@ -28,26 +29,47 @@ pub struct SurfacePoint {
 #[derive(Clone, Debug, Default)]
 pub struct MotionPlanes {
     /// Motion of surfaces to the frame before.
-    pub to_previous: Option<Plane<[f32; 2]>>,
+    pub to_previous: Option<Vectors>,
     /// Motion of surfaces to the next frame.
-    pub to_next: Option<Plane<[f32; 2]>>,
-    /// Motion of what mirrors and clear glass show, to the frame before; at other pixels the surface's. `None`: the
-    /// surface's everywhere.
-    pub reflection_to_previous: Option<Plane<[f32; 2]>>,
+    pub to_next: Option<Vectors>,
+    /// Motion of what mirrors and clear glass show, to the frame before, where it is not the surface's. `None`: the surface's
+    /// everywhere.
+    pub reflection_to_previous: Option<Sparse<[f32; 2]>>,
     /// The same to the next frame.
-    pub reflection_to_next: Option<Plane<[f32; 2]>>,
+    pub reflection_to_next: Option<Sparse<[f32; 2]>>,
+}
+
+/// Motion in one direction of time, of surfaces or of what mirrors and glass show.
+#[derive(Clone, Copy, Debug)]
+pub struct Motion<'a> {
+    pub(crate) surface: &'a Vectors,
+    pub(crate) reflection: Option<&'a Sparse<[f32; 2]>>,
+}
+
+impl Motion<'_> {
+    /// Of a pixel.
+    #[inline(always)]
+    pub fn at(self, pixel: usize) -> [f32; 2] {
+        if let Some(reflection) = self.reflection
+            && let Some(motion) = reflection.get(pixel)
+        {
+            return motion;
+        }
+        self.surface.at(pixel)
+    }
 }
 
 impl MotionPlanes {
     /// Motion forward or backward in time, of surfaces or of what mirrors and glass show.
     #[inline(always)]
-    pub fn get(&self, forward: bool, reflected: bool) -> Option<&Plane<[f32; 2]>> {
+    pub fn get(&self, forward: bool, reflected: bool) -> Option<Motion<'_>> {
         let (surface, reflection) = if forward {
             (&self.to_next, &self.reflection_to_next)
         } else {
             (&self.to_previous, &self.reflection_to_previous)
         };
-        if reflected { reflection.as_ref().or(surface.as_ref()) } else { surface.as_ref() }
+        let reflection = if reflected { reflection.as_ref() } else { None };
+        Some(Motion { surface: surface.as_ref()?, reflection })
     }
 }
 
@@ -72,8 +94,9 @@ pub struct Features {
     pub(crate) seen_around: Option<Packed>,
     /// Tone-mapped colour of the surface, where a light needs it.
     pub(crate) albedo: Option<Packed>,
-    /// The colour that light in mirrors and clear glass was divided by; 1 at other pixels. `None`: nothing was divided.
-    pub(crate) mirror_colour: Option<Packed>,
+    /// The colour that light in mirrors and clear glass was divided by, in half precision; 1 where none is kept. `None`: nothing was
+    /// divided.
+    pub(crate) mirror_colour: Option<Sparse<Rgb>>,
     /// World-space size of a pixel per unit of depth; 0 where positions are unknown.
     pub pixel_angle: f32,
 }
@@ -123,8 +146,8 @@ impl Features {
             picture_height: h,
             surface,
             motion: MotionPlanes {
-                to_previous: frame.motion_to_previous.clone(),
-                to_next: frame.motion_to_next.clone(),
+                to_previous: frame.motion_to_previous.clone().map(Vectors::new),
+                to_next: frame.motion_to_next.clone().map(Vectors::new),
                 ..MotionPlanes::default()
             },
             seen,
@@ -139,11 +162,19 @@ impl Features {
     /// True where pixel `p` is a mirror or clear glass.
     #[inline(always)]
     pub fn is_mirror(&self, p: usize) -> bool {
-        // No closure, no comparison of `half`: both are functions of their own, called in the innermost loops.
+        // No closure: it would be a function of its own, called in the innermost loops.
         let Some(colour) = &self.mirror_colour else { return false };
-        let [r, g, b] = colour.halves(0, p);
-        let one = f16::ONE.to_bits();
-        (r.to_bits() ^ one) | (g.to_bits() ^ one) | (b.to_bits() ^ one) != 0
+        let Some([r, g, b]) = colour.get(p) else { return false };
+        r != 1.0 || g != 1.0 || b != 1.0
+    }
+
+    /// The colour that light in mirrors and clear glass was divided by at pixel `p`; 1 where it was not.
+    #[inline(always)]
+    pub(crate) fn mirror_colour_at(&self, p: usize) -> Rgb {
+        match &self.mirror_colour {
+            Some(colour) => colour.get(p).unwrap_or(WHITE),
+            None => WHITE,
+        }
     }
 
     /// True where light of that kind is the image of other things in a mirror or glass: it has a motion of its own.
@@ -167,16 +198,16 @@ impl Features {
     /// Rows that motion leads up or down at most, to the frame before and to the next, as far as it stays in the picture.
     pub(crate) fn rows_moved(&self) -> [f32; 2] {
         let height = self.picture_height as f32;
-        let most = |motion: &Option<Plane<[f32; 2]>>| {
-            let Some(motion) = motion else { return 0.0 };
-            let moved = motion.data().iter().enumerate().map(|(i, m)| {
+        let most = |forward: bool, reflected: bool| {
+            let Some(motion) = self.motion.get(forward, reflected) else { return 0.0 };
+            let moved = (0..self.size.pixels()).map(|i| {
+                let m = motion.at(i);
                 let y = (self.first_row + i / self.size.width) as f32 + m[1];
                 if y > -2.0 && y < height + 1.0 { m[1].abs() } else { 0.0 }
             });
             moved.fold(0.0, f32::max)
         };
-        let m = &self.motion;
-        [most(&m.to_previous).max(most(&m.reflection_to_previous)), most(&m.to_next).max(most(&m.reflection_to_next))]
+        [false, true].map(|forward| most(forward, false).max(most(forward, true)))
     }
 
     /// Motion to the next frame from that frame's motion to this one: each of its pixels says where it was; of those
@@ -188,7 +219,7 @@ impl Features {
         let mut nearest = vec![f32::MIN; w * h];
         for y in 0..h {
             for x in 0..w {
-                let m = back.at(x, y);
+                let m = back.at(y * w + x);
                 let (px, py) = ((x as f32 + m[0]).round(), (y as f32 + m[1]).round());
                 if !(px >= 0.0 && py >= 0.0 && px < w as f32 && py < h as f32) {
                     continue;
@@ -202,20 +233,22 @@ impl Features {
             }
         }
         match &mut self.motion.to_next {
-            None => self.motion.to_next = Some(motion),
-            Some(known) => {
+            None => self.motion.to_next = Some(Vectors::new(motion)),
+            Some(vectors) => {
+                let mut known = vectors.plane();
                 for (known, found) in known.data_mut().iter_mut().zip(motion.data()) {
                     if known.iter().any(|v| v.is_nan()) {
                         *known = *found;
                     }
                 }
+                *vectors = Vectors::new(known);
             }
         }
     }
 
     /// True where motion to the next frame is unknown somewhere: files hold none for the sky.
     pub(crate) fn lacks_motion_to_next(&self) -> bool {
-        self.motion.to_next.as_ref().is_none_or(|motion| motion.data().iter().flatten().any(|v| v.is_nan()))
+        self.motion.to_next.as_ref().is_none_or(Vectors::lacks_some)
     }
 }
 

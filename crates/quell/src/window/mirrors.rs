@@ -1,21 +1,22 @@
 //! Which pixels are mirrors or clear glass, and the colour of what they show.
 
 use super::local::Class;
-use super::packed::Packed;
+use super::packed::half_or_full;
+use super::sparse::Sparse;
 use crate::frame::Rgb;
 use crate::plane::{Plane, Size};
 use crate::sequence::settings::Mirrors;
 use crate::sequence::{Light, LightKind, SequenceFrame};
 
 /// Colour of what is no mirror.
-const WHITE: Rgb = [1.0; 3];
+pub(super) const WHITE: Rgb = [1.0; 3];
 /// Pixels from the edge of a lamp seen in a mirror to its middle, at most.
 const LARGEST_LAMP: usize = 64;
 
 /// The colour of what is seen in mirrors and through glass; 1 at other pixels. Divided by it, a reflection is as smooth as the
 /// light on the things reflected. Where a surface has a diffuse colour of its own (what multiplies matte light, or else the
 /// albedo), the renderer's `seen` albedo is that colour, which the reflection does not carry.
-pub(super) fn mirror_colour(frame: &SequenceFrame, s: &Mirrors) -> Option<Packed> {
+pub(super) fn mirror_colour(frame: &SequenceFrame, s: &Mirrors) -> Option<Sparse<Rgb>> {
     let matte = |l: &&Light| matches!(l.kind, LightKind::MatteDirect | LightKind::MatteIndirect);
     let diffuse = frame.lights.iter().filter(matte).find_map(|l| l.weight.as_deref());
     let (seen, diffuse) = (frame.seen_albedo.as_ref()?, diffuse.or(frame.albedo.as_ref())?);
@@ -46,7 +47,7 @@ pub(super) fn mirror_colour(frame: &SequenceFrame, s: &Mirrors) -> Option<Packed
     let mut colours: Vec<Rgb> = seen.data().iter().zip(diffuse.data()).zip(&specular).enumerate().map(pixel).collect();
     colour_lamps(frame.size, &mut colours, lamps);
     divide_edges(frame, &mut colours, s);
-    Some(Packed::new(frame.size, 1, |_, i| colours[i]))
+    Some(Sparse::new(colours.len(), |i| half_or_full(colours[i]), |_| WHITE))
 }
 
 /// Where a mirror shows the sun, `seen` is its radiance, thousands or infinity. It takes the colour of what is beside it
@@ -124,11 +125,11 @@ mod tests {
         frame.lights.push(Light::new("glossy", LightKind::GlossyDirect, Plane::filled(size, [1.0; 3])));
         let found = mirror_colour(&frame, &Mirrors::default()).unwrap();
         for i in 0..size.pixels() {
-            let colour = found.at(0, i);
+            let colour = found.get(i).unwrap();
             assert!((0..3).all(|c| (colour[c] - [0.05, 0.1, 0.2][c]).abs() < 1e-3), "{i}: {colour:?}");
         }
         // A mirror that shows nothing but a lamp is divided by nothing.
         frame.seen_albedo = Some(Plane::filled(size, [300.0; 3]));
-        assert_eq!(mirror_colour(&frame, &Mirrors::default()).unwrap().at(0, 20), WHITE);
+        assert_eq!(mirror_colour(&frame, &Mirrors::default()).unwrap().get(20), None);
     }
 }

@@ -8,6 +8,8 @@
 //! prepared.rs    a frame made ready: its feature buffers and its light
 //! packed.rs      colours in half precision
 //! rows.rs        images of many channels, row by row
+//! sparse.rs      images that hold in most places what is known without them
+//! vectors.rs     motion in half precision
 //! spool.rs       frames as bytes outside of memory, read back in bands of rows
 //! ```
 //!
@@ -21,12 +23,16 @@ mod mirrors;
 pub(crate) mod packed;
 pub(crate) mod prepared;
 pub(crate) mod rows;
+mod sparse;
 pub(crate) mod spool;
+mod vectors;
 
-pub use features::{Features, MotionPlanes, SurfacePoint};
+pub use features::{Features, Motion, MotionPlanes, SurfacePoint};
 pub use local::{Class, LocalFeatures};
 pub(crate) use packed::{Packed, Weight};
 pub(crate) use prepared::Samples;
 pub use prepared::{LightSlot, PreparedFrame};
 pub use rows::Rows;
+pub use sparse::Sparse;
 pub use spool::SpooledFrame;
+pub use vectors::Vectors;

@@ -10,11 +10,17 @@ use crate::par;
 use crate::plane::{Plane, Size};
 use half::f16;
 use half::slice::HalfFloatSliceExt;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Stands for a pixel that is kept in full: half precision's infinity, which no finite colour becomes.
 const BEYOND: f16 = f16::INFINITY;
-fn fits(value: f32) -> bool {
+pub(super) fn fits(value: f32) -> bool {
     value.abs() <= f16::MAX.to_f32_const()
+}
+
+/// A colour as it is kept: rounded to half precision, where that holds it.
+pub(crate) fn half_or_full(colour: Rgb) -> Rgb {
+    if colour.iter().all(|v| fits(*v)) { colour.map(|v| f16::from_f32(v).to_f32()) } else { colour }
 }
 
 /// Some colours a pixel, pixel by pixel: a tap reads one run of memory.
@@ -31,6 +37,7 @@ impl Packed {
     /// `value(plane, pixel)` must be finite.
     pub(crate) fn new(size: Size, planes: usize, value: impl Fn(usize, usize) -> Rgb + Sync) -> Self {
         let mut data = vec![f16::ZERO; 3 * size.pixels() * planes];
+        let some_beyond = AtomicBool::new(false);
         if planes > 0 {
             par::rows(&mut data, 3 * size.width * planes, |y, row| {
                 // Rounded a row at once: asked for one number, `half` looks each time for the instruction.
@@ -39,6 +46,9 @@ impl Packed {
                     for k in 0..planes {
                         let colour = value(k, y * size.width + x);
                         let fits = colour.iter().all(|v| fits(*v));
+                        if !fits {
+                            some_beyond.store(true, Ordering::Relaxed);
+                        }
                         for (c, v) in colour.into_iter().enumerate() {
                             pixel[c * planes + k] = if fits { v } else { f32::INFINITY };
                         }
@@ -46,6 +56,9 @@ impl Packed {
                 }
                 row.convert_from_f32_slice(&floats);
             });
+        }
+        if !some_beyond.into_inner() {
+            return Self { planes, data, beyond: Vec::new() };
         }
         let pixels = data.chunks_exact(3 * planes.max(1)).enumerate();
         let places = pixels.flat_map(|(i, pixel)| {
@@ -75,7 +88,8 @@ impl Packed {
     }
 }
 
-/// What multiplies a light back: in half precision where that loses nothing, else as it came.
+/// Colours of which nothing is lost, what multiplies a light back for one: in half precision where that holds them, else as they came.
+#[derive(Clone)]
 pub(crate) enum Weight {
     Half(Vec<[f16; 3]>),
     Full(Plane<Rgb>),

@@ -4,6 +4,7 @@ use super::features::{Features, MotionPlanes};
 use super::light_means::LightMeans;
 use super::local::Class;
 use super::packed::{Packed, Weight};
+use super::vectors::Vectors;
 use crate::error::Error;
 use crate::frame::Rgb;
 use crate::kernels::math::luminance;
@@ -33,7 +34,7 @@ pub(crate) enum Samples {
     /// Among the packed ones, from this plane on.
     Packed(usize),
     /// In full, since it comes out as it went in; nobody else reads them.
-    Own(Vec<Plane<Rgb>>),
+    Own(Vec<Weight>),
     /// It was [`Samples::Own`], and the frame is filtered.
     Gone,
 }
@@ -80,8 +81,8 @@ impl PreparedFrame {
         frame.check()?;
         // Not copied: frames are large.
         let motion = MotionPlanes {
-            to_previous: frame.motion_to_previous.take(),
-            to_next: frame.motion_to_next.take(),
+            to_previous: frame.motion_to_previous.take().map(Vectors::new),
+            to_next: frame.motion_to_next.take().map(Vectors::new),
             ..MotionPlanes::default()
         };
         let features = Features { motion, ..Features::new(&frame, settings) };
@@ -107,7 +108,7 @@ impl PreparedFrame {
             stored.push(if black {
                 Samples::Black
             } else if kind == LightKind::NoiseFree {
-                Samples::Own(colours)
+                Samples::Own(colours.iter().map(Weight::new).collect())
             } else {
                 let first = packed.len();
                 packed.extend(colours.into_iter().map(|plane| (plane, Class::of(kind) == Class::Seen)));
@@ -124,13 +125,11 @@ impl PreparedFrame {
         let samples = Packed::new(frame.size, packed.len(), |k, i| {
             let (plane, seen) = &packed[k];
             let value = plane.data()[i];
-            match features.mirror_colour.as_ref().filter(|_| *seen) {
-                None => value,
-                Some(colour) => {
-                    let colour = colour.at(0, i);
-                    [0, 1, 2].map(|c| value[c] / colour[c])
-                }
+            if !*seen || features.mirror_colour.is_none() {
+                return value;
             }
+            let colour = features.mirror_colour_at(i);
+            [0, 1, 2].map(|c| value[c] / colour[c])
         });
         let behind: Vec<bool> = shape.iter().map(|(kind, _)| *kind == LightKind::NoiseFree).collect();
         let means = if settings.gather.frames > 0 {

@@ -3,8 +3,11 @@
 //! A job that does not fit in memory is filtered in bands of rows. What a frame decides as a whole (the size of a pixel,
 //! whether there is fog) was decided before, so a band of it is filtered to the same bits as the whole.
 
+use super::mirrors::WHITE;
 use super::packed::{Packed, Weight};
 use super::prepared::{PreparedFrame, Samples};
+use super::sparse::Sparse;
+use super::vectors::Vectors;
 use crate::plane::{Plane, Size};
 use bytemuck::Pod;
 use std::io::{self, Read, Seek, SeekFrom, Write};
@@ -82,6 +85,8 @@ trait Visitor {
 
 /// All planes of a frame, in one order.
 fn visit(frame: &mut PreparedFrame, v: &mut impl Visitor) -> io::Result<()> {
+    // None where the planes are to be filled.
+    let pixels = frame.features.surface.len();
     packed(&mut frame.samples, v)?;
     let lights = frame.means.lights;
     v.elements(&mut frame.means.data, 2 * lights)?;
@@ -95,34 +100,45 @@ fn visit(frame: &mut PreparedFrame, v: &mut impl Visitor) -> io::Result<()> {
         let shared = frame.weights[..i].iter().position(|other| other.as_ref().is_some_and(|o| Arc::ptr_eq(o, weight)));
         weights.push(match shared.and_then(|at| weights[at].clone()) {
             Some(shared) => Some(shared),
-            None => Some(Arc::new(match weight.as_ref() {
-                Weight::Half(data) => {
-                    let mut data = data.clone();
-                    v.elements(&mut data, 1)?;
-                    Weight::Half(data)
-                }
-                Weight::Full(data) => {
-                    let mut data = data.clone();
-                    plane(&mut data, v)?;
-                    Weight::Full(data)
-                }
-            })),
+            None => {
+                let mut weight = weight.as_ref().clone();
+                exact(&mut weight, v)?;
+                Some(Arc::new(weight))
+            }
         });
     }
     frame.weights = weights;
     for stored in &mut frame.stored {
         if let Samples::Own(planes) = stored {
-            planes.iter_mut().try_for_each(|own| plane(own, v))?;
+            planes.iter_mut().try_for_each(|own| exact(own, v))?;
         }
     }
     let features = &mut frame.features;
     v.elements(&mut features.surface, 1)?;
-    for image in [&mut features.mirror_colour, &mut features.seen, &mut features.seen_around, &mut features.albedo] {
+    if let Some(colour) = &mut features.mirror_colour {
+        let mut all = colour.dense(pixels, |_| WHITE);
+        v.elements(&mut all, 1)?;
+        *colour = Sparse::new(all.len(), |p| all[p], |_| WHITE);
+    }
+    for image in [&mut features.seen, &mut features.seen_around, &mut features.albedo] {
         image.as_mut().map_or(Ok(()), |image| packed(image, v))?;
     }
     let m = &mut features.motion;
-    for motion in [&mut m.to_previous, &mut m.to_next, &mut m.reflection_to_previous, &mut m.reflection_to_next] {
-        motion.as_mut().map_or(Ok(()), |motion| plane(motion, v))?;
+    let directions = [(&mut m.to_previous, &mut m.reflection_to_previous), (&mut m.to_next, &mut m.reflection_to_next)];
+    for (motion, reflection) in directions {
+        let Some(motion) = motion else { continue };
+        let mut all = reflection.as_ref().map(|reflection| reflection.dense(pixels, |p| motion.at(p)));
+        match motion {
+            Vectors::Half(size, data) => {
+                v.elements(data, 1)?;
+                *size = v.size();
+            }
+            Vectors::Full(motion) => plane(motion, v)?,
+        }
+        if let (Some(all), Some(reflection)) = (&mut all, reflection) {
+            v.elements(all, 1)?;
+            *reflection = Sparse::new(all.len(), |p| all[p], |p| motion.at(p));
+        }
     }
     for values in [&mut frame.alpha, &mut frame.variance] {
         values.as_mut().map_or(Ok(()), |values| plane(values, v))?;
@@ -138,6 +154,13 @@ fn packed(packed: &mut Packed, v: &mut impl Visitor) -> io::Result<()> {
         packed.beyond.iter_mut().for_each(|(at, _)| *at -= places.start);
     }
     Ok(())
+}
+
+fn exact(colours: &mut Weight, v: &mut impl Visitor) -> io::Result<()> {
+    match colours {
+        Weight::Half(data) => v.elements(data, 1),
+        Weight::Full(data) => plane(data, v),
+    }
 }
 
 fn plane<T: Pod>(plane: &mut Plane<T>, v: &mut impl Visitor) -> io::Result<()> {

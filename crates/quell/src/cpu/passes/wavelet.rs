@@ -1,8 +1,9 @@
 //! Stage `wavelet`, level by level and row by row.
 
 use crate::par;
+use crate::plane::Size;
 use crate::sequence::settings::Wavelet;
-use crate::stages::wavelet::cpu::{Level, compared_row};
+use crate::stages::wavelet::cpu::{Level, compared_row, stops_row};
 use crate::stages::wavelet::levels;
 use crate::window::{LightSlot, LocalFeatures, Rows};
 use fearless_simd::dispatch;
@@ -11,22 +12,13 @@ use fearless_simd::dispatch;
 pub(crate) fn run(local: &LocalFeatures, slots: &[LightSlot], colours: Rows, variance: Rows, s: &Wavelet) -> Rows {
     let (mut colours, mut variance) = (colours, variance);
     let most = slots.iter().map(|slot| levels(s, slot.kind)).max().unwrap_or(0);
-    let mut first: Option<Rows> = None;
+    let mut stops: Option<Rows> = None;
     for level in 0..most {
         let compared = compared(local, slots, &colours, &variance, s);
+        let stops = &*stops.get_or_insert_with(|| self::stops(local, slots, &compared, s));
         let active: Vec<usize> = (0..slots.len()).filter(|&l| levels(s, slots[l].kind) > level).collect();
-        (colours, variance) = filter(&Level {
-            local,
-            slots,
-            colours: &colours,
-            variance: &variance,
-            compared: &compared,
-            first: first.as_ref().unwrap_or(&compared),
-            step: 1 << level,
-            active: &active,
-            settings: s,
-        });
-        first.get_or_insert(compared);
+        let level = Level { local, slots, compared: &compared, stops, step: 1 << level, active: &active, settings: s };
+        filter(&level, &mut colours, &mut variance);
     }
     colours
 }
@@ -40,14 +32,44 @@ fn compared(local: &LocalFeatures, slots: &[LightSlot], colours: &Rows, variance
     out
 }
 
-fn filter(level: &Level<'_>) -> (Rows, Rows) {
-    let size = level.local.size;
-    let lights = level.slots.len();
-    let mut colours = Rows::new(size, level.colours.channels());
-    let mut variance = Rows::new(size, lights);
-    let (cw, vw) = (level.colours.channels() * size.width, lights * size.width);
-    par::two_rows(colours.data_mut(), cw, variance.data_mut(), vw, |y, colours, variance| {
-        dispatch!(crate::simd::level(), simd => level.row(simd, y, colours, variance));
+fn stops(local: &LocalFeatures, slots: &[LightSlot], compared: &Rows, s: &Wavelet) -> Rows {
+    let mut out = Rows::new(local.size, slots.len());
+    par::rows(out.data_mut(), (slots.len() * local.size.width).max(1), |y, out| {
+        dispatch!(crate::simd::level(), simd => stops_row(simd, local, slots, compared, s, y, out));
     });
-    (colours, variance)
+    out
+}
+
+/// Rows that are filtered at once. Few in tests, so that small pictures have some.
+const BAND: usize = if cfg!(test) { 8 } else { 64 };
+
+/// Filters in place: a second image of all lights would be the largest of all. A band's rows are put where they belong when the next
+/// band, which still reads what they were, is done.
+fn filter(level: &Level<'_>, colours: &mut Rows, variance: &mut Rows) {
+    let Size { width, height } = colours.size();
+    let (cw, vw) = (colours.channels() * width, variance.channels() * width);
+    // As many rows as a level looks up and down.
+    let band = BAND.max(2 * level.step as usize);
+    let (mut done, mut next) = ([Vec::new(), Vec::new()], [vec![0.0; cw * band], vec![0.0; vw * band]]);
+    let put = |[c, v]: &[Vec<f32>; 2], first: usize, colours: &mut Rows, variance: &mut Rows| {
+        let rows = first..(first + band).min(height);
+        colours.data_mut()[rows.start * cw..rows.end * cw].copy_from_slice(&c[..rows.len() * cw]);
+        variance.data_mut()[rows.start * vw..rows.end * vw].copy_from_slice(&v[..rows.len() * vw]);
+    };
+    for first in (0..height).step_by(band) {
+        let rows = band.min(height - first);
+        let ([c, v], before) = (&mut next, (&*colours, &*variance));
+        par::two_rows(&mut c[..rows * cw], cw, &mut v[..rows * vw], vw, |y, colours, variance| {
+            dispatch!(crate::simd::level(), simd => level.row(simd, before, first + y, colours, variance));
+        });
+        if first > 0 {
+            put(&done, first - band, colours, variance);
+        } else {
+            done = [vec![0.0; cw * band], vec![0.0; vw * band]];
+        }
+        std::mem::swap(&mut done, &mut next);
+    }
+    if height > 0 {
+        put(&done, (height - 1) / band * band, colours, variance);
+    }
 }

@@ -1,16 +1,78 @@
-//! Shares of the candidates, row by row: windows are sums over columns of sums over rows.
+//! Shares of the candidates, some rows of the picture at a time: windows are sums over columns of sums over rows, sixteen pixels of a
+//! row at once.
 
 use super::{
     Blend, BlendFrame, DIRECTIONS, FRAMES, HIGH_PASS, LEAST_BRIGHTNESS, MOST_CHANGE, NEAR, NOISE_NEAR, NOISE_WIDE,
     Pooled, READ, SECOND_DIFFERENCE, WIDE, by_thresholds, drawn_back, follow, net, read, shares, silhouette,
 };
 use crate::frame::Rgb;
+use crate::kernels::lanes::{BLOCK, load, store, whole};
 use crate::kernels::math::three;
 use crate::par;
 use crate::plane::{Plane, Size};
 use crate::sequence::settings::{Blend as Settings, Gather, Stabilise};
 use crate::simd::widest;
 use crate::window::{Features, Rows};
+use fearless_simd::{Simd, dispatch, f32x16, prelude::*};
+use std::ops::Range;
+
+/// Rows whose statistics are found at once: those of a whole picture take 300 bytes a pixel. Few in tests, so that small pictures have some.
+const BAND: usize = if cfg!(test) { 16 } else { 128 };
+
+/// All rows of a picture, some at a time.
+pub(crate) fn bands(height: usize) -> impl Iterator<Item = Range<usize>> {
+    (0..height).step_by(BAND).map(move |y| y..(y + BAND).min(height))
+}
+
+/// These rows and those that lie around them in the picture.
+pub(crate) fn around(rows: &Range<usize>, radius: usize, height: usize) -> Range<usize> {
+    rows.start.saturating_sub(radius)..(rows.end + radius).min(height)
+}
+
+/// Some rows of an image, which count as they do in the picture.
+pub(crate) struct Band {
+    first: usize,
+    rows: Rows,
+}
+
+impl Band {
+    fn new(rows: &Range<usize>, width: usize, channels: usize) -> Self {
+        Self { first: rows.start, rows: Rows::new(Size::new(width, rows.len()), channels) }
+    }
+
+    /// Made row by row: `f(y, all channels of the row one after the other)`.
+    pub(crate) fn filled(
+        rows: &Range<usize>,
+        width: usize,
+        channels: usize,
+        f: impl Fn(usize, &mut [f32]) + Sync + Send,
+    ) -> Self {
+        let mut band = Self::new(rows, width, channels);
+        let first = band.first;
+        par::rows(band.rows.data_mut(), (channels * width).max(1), |y, row| f(first + y, row));
+        band
+    }
+
+    fn width(&self) -> usize {
+        self.rows.size().width
+    }
+
+    #[inline(always)]
+    pub(crate) fn row(&self, y: usize, c: usize) -> &[f32] {
+        self.rows.row(y - self.first, c)
+    }
+
+    #[inline(always)]
+    fn at(&self, x: usize, y: usize, c: usize) -> f32 {
+        self.row(y, c)[x]
+    }
+
+    /// Three channels from `first` on at a pixel.
+    #[inline(always)]
+    pub(crate) fn colour(&self, x: usize, y: usize, first: usize) -> Rgb {
+        three(|c| self.at(x, y, first + c))
+    }
+}
 
 /// As [`super::reference::run`].
 pub(crate) fn run(
@@ -22,24 +84,56 @@ pub(crate) fn run(
 ) -> Blend {
     let here = &window[centre];
     let size = here.input.size();
-    let (inverse, differences, stats) = statistics(window, centre, steady, gather);
-    let w = size.width;
-    let edges = |y: usize| -> Vec<bool> { (0..w).map(|x| silhouette(here.features, x, y, stabilise.nearer)).collect() };
-    let said = s.net.then(|| {
-        let mut read = Rows::new(size, READ);
-        par::rows(read.data_mut(), (READ * w).max(1), |y, out| {
-            widest!(read_row((&stats, &inverse), (here, steady), y, &edges(y), out));
-        });
-        net().run(read, here.features.first_row)
-    });
+    let (w, h) = (size.width, size.height);
     let mut shares_of = Plane::filled(size, [0.0; 3]);
     let mut expected = Plane::filled(size, 0.0);
-    par::two_rows(shares_of.data_mut(), w, expected.data_mut(), w, |y, shares_of, expected| {
-        widest!(shares_row(&stats, said.as_ref(), y, &edges(y), s, shares_of, expected));
-    });
-    draw_back(&mut shares_of, &differences, &stats, s);
-    let noise = par::plane(size, |x, y| expected.at(x, y).sqrt() / inverse.at(x, y));
+    let mut known = Plane::filled(size, Known::default());
+    let edges = |y: usize| -> Vec<bool> { (0..w).map(|x| silhouette(here.features, x, y, stabilise.nearer)).collect() };
+    if s.net {
+        let said = net().run(size, here.features.first_row, |rows| {
+            let noise = PictureNoise::new(window, centre, steady, gather, rows.clone());
+            let known = &mut known.data_mut()[rows.start * w..rows.end * w];
+            par::rows(known, w, |y, known| widest!(noise.known_row(rows.start + y, s, known)));
+            let mut read = Rows::new(Size::new(w, rows.len()), READ);
+            par::rows(read.data_mut(), READ * w, |y, out| {
+                let y = rows.start + y;
+                widest!(read_row(&noise, (here, steady), y, &edges(y), out));
+            });
+            read
+        });
+        par::two_rows(shares_of.data_mut(), w, expected.data_mut(), w, |y, shares_of, expected| {
+            widest!(shares_row(&said, known.row(y), y, s, shares_of, expected));
+        });
+    } else {
+        for rows in bands(h) {
+            let noise = PictureNoise::new(window, centre, steady, gather, rows.clone());
+            let pixels = rows.start * w..rows.end * w;
+            let known = &mut known.data_mut()[pixels.clone()];
+            par::rows(known, w, |y, known| noise.known_row(rows.start + y, s, known));
+            let (shares_of, expected) =
+                (&mut shares_of.data_mut()[pixels.clone()], &mut expected.data_mut()[pixels.clone()]);
+            par::two_rows(shares_of, w, expected, w, |y, shares_of, expected| {
+                for (x, edge) in edges(rows.start + y).into_iter().enumerate() {
+                    let pooled = noise.stats.at(x, rows.start + y, edge);
+                    let (share, error) = by_thresholds(&pooled, s);
+                    (shares_of[x], expected[x]) = (share, error * pooled.noise(1) / 3.0);
+                }
+            });
+        }
+    }
+    draw_back(&mut shares_of, (here, steady), &known, s);
+    let noise = par::plane(size, |x, y| expected.at(x, y).sqrt() / known.at(x, y).inverse);
     Blend { shares: shares_of, noise }
+}
+
+/// What is kept of a pixel's statistics until the net has spoken.
+#[derive(Clone, Copy, Default)]
+struct Known {
+    /// One over the brightness around.
+    inverse: f32,
+    /// See [`Pooled`].
+    noise: f32,
+    least_noise: f32,
 }
 
 /// What the net reads of every pixel, and the squared noise, for its training.
@@ -51,7 +145,7 @@ pub(crate) fn read_by_net(
     (gather, stabilise): (&Gather, &Stabilise),
 ) -> Plane<super::Read> {
     let here = &window[centre];
-    let noise = PictureNoise::new(window, centre, steady, gather);
+    let noise = PictureNoise::new(window, centre, steady, gather, 0..here.input.size().height);
     Plane::from_fn(here.input.size(), |x, y| {
         let (pooled, inverse) = noise.at(x, y, here.features, stabilise.nearer);
         read(&pooled, [here.input.at(x, y), here.picture.at(x, y), steady.at(x, y)], inverse)
@@ -67,7 +161,7 @@ pub(crate) fn inputs(
     (gather, stabilise): (&Gather, &Stabilise),
 ) -> (Plane<super::Inputs>, Plane<f32>) {
     let here = &window[centre];
-    let noise = PictureNoise::new(window, centre, steady, gather);
+    let noise = PictureNoise::new(window, centre, steady, gather, 0..here.input.size().height);
     let at = |x, y| noise.at(x, y, here.features, stabilise.nearer);
     let size = here.input.size();
     let squared = |x, y| {
@@ -77,92 +171,92 @@ pub(crate) fn inputs(
     (Plane::from_fn(size, |x, y| at(x, y).0.inputs()), Plane::from_fn(size, squared))
 }
 
-/// What is known of the noise of a frame's input, from its difference to filtered pictures.
+/// What is known of the noise of a frame's input, from its difference to filtered pictures; of some rows.
 pub(crate) struct PictureNoise {
-    inverse: Plane<f32>,
+    inverse: Band,
     stats: Statistics,
 }
 
 impl PictureNoise {
     /// `steady`: another filtered picture, or again the wavelet's.
-    pub(crate) fn new(window: &[BlendFrame<'_>], centre: usize, steady: &Plane<Rgb>, gather: &Gather) -> Self {
-        let (inverse, _, stats) = statistics(window, centre, steady, gather);
+    pub(crate) fn new(
+        window: &[BlendFrame<'_>],
+        centre: usize,
+        steady: &Plane<Rgb>,
+        gather: &Gather,
+        rows: Range<usize>,
+    ) -> Self {
+        let here = &window[centre];
+        let size = here.input.size();
+        let w = size.width;
+        // Windows of squares, which look at the rows beside them.
+        let squared = around(&rows, NOISE_WIDE, size.height);
+        let differing = around(&squared, 1, size.height);
+        let inverse = inverse_brightness(here.picture, steady, &differing);
+        let differences = Band::filled(&differing, w, DIFFERENCES, |y, out| {
+            widest!(differences_row((window, centre), (steady, inverse.row(y, 0)), gather, y, out));
+        });
+        let apart = Apart::new(here, steady, &differences, &differing);
+        let squares = Band::filled(&squared, w, SQUARES, |y, out| {
+            dispatch!(crate::simd::level(), simd => apart.squares_row(simd, &differences, inverse.row(y, 0), y, out));
+        });
+        drop(apart);
+        let stats = Statistics::new(&differences, &squares, rows, size.height);
         Self { inverse, stats }
     }
 
     /// What is known at a pixel, and one over the brightness that it is relative to.
     #[inline(always)]
     pub(crate) fn at(&self, x: usize, y: usize, features: &Features, nearer: f32) -> (Pooled, f32) {
-        (self.stats.at(x, y, silhouette(features, x, y, nearer)), self.inverse.at(x, y))
+        (self.stats.at(x, y, silhouette(features, x, y, nearer)), self.inverse.at(x, y, 0))
     }
 
     /// One over the brightness around a pixel.
     #[cfg(feature = "internals")]
     pub(crate) fn inverse(&self, x: usize, y: usize) -> f32 {
-        self.inverse.at(x, y)
+        self.inverse.at(x, y, 0)
+    }
+
+    #[inline(always)]
+    fn known_row(&self, y: usize, s: &Settings, out: &mut [Known]) {
+        let inverse = self.inverse.row(y, 0);
+        for (x, (out, inverse)) in out.iter_mut().zip(inverse).enumerate() {
+            let pooled = self.stats.at(x, y, false);
+            *out = Known { inverse: *inverse, noise: pooled.noise(1), least_noise: pooled.least_noise(s) };
+        }
     }
 }
 
-fn statistics(
-    window: &[BlendFrame<'_>],
-    centre: usize,
-    steady: &Plane<Rgb>,
-    gather: &Gather,
-) -> (Plane<f32>, Rows, Statistics) {
-    let here = &window[centre];
-    let inverse = inverse_brightness(here.picture, steady);
-    let differences = differences(window, centre, steady, &inverse, gather);
-    let squares = squares(here, steady, &inverse, &differences);
-    let stats = Statistics::new(&differences, &squares);
-    (inverse, differences, stats)
-}
-
 /// One over the brightness around a pixel: the mean over 5x5 of both filtered pictures.
-fn inverse_brightness(picture: &Plane<Rgb>, steady: &Plane<Rgb>) -> Plane<f32> {
-    let size = picture.size();
-    let mut both = Rows::new(size, 1);
-    par::rows(both.data_mut(), size.width, |y, row| {
+fn inverse_brightness(picture: &Plane<Rgb>, steady: &Plane<Rgb>, rows: &Range<usize>) -> Band {
+    let (w, h) = (picture.size().width, picture.size().height);
+    let both = Band::filled(&around(rows, NOISE_NEAR, h), w, 1, |y, row| {
         for ((value, a), b) in row.iter_mut().zip(picture.row(y)).zip(steady.row(y)) {
             *value = (a[0] + a[1] + a[2] + b[0] + b[1] + b[2]) / 6.0;
         }
     });
-    let mean = pool(&both, NOISE_NEAR);
-    par::plane(size, |x, y| 1.0 / (mean.at(x, y, 0).max(0.0) + LEAST_BRIGHTNESS))
+    let mut mean = pool(&both, &[0], NOISE_NEAR, rows, h);
+    for value in mean.rows.data_mut() {
+        *value = 1.0 / (value.max(0.0) + LEAST_BRIGHTNESS);
+    }
+    mean
 }
 
 /// Three channels each: input less wavelet, input less stabilised, input less wavelet averaged over time; then the
 /// squared changes over time and the share of neighbours seen.
 const DIFFERENCES: usize = 11;
 
-fn differences(
-    window: &[BlendFrame<'_>],
-    centre: usize,
-    steady: &Plane<Rgb>,
-    inverse: &Plane<f32>,
-    gather: &Gather,
-) -> Rows {
-    let here = &window[centre];
-    let size = here.input.size();
-    let w = size.width;
-    let mut out = Rows::new(size, DIFFERENCES);
-    par::rows(out.data_mut(), (DIFFERENCES * w).max(1), |y, out| {
-        widest!(differences_row((window, centre), (steady, inverse), gather, y, out));
-    });
-    out
-}
-
 #[inline(always)]
 fn differences_row(
     (window, centre): (&[BlendFrame<'_>], usize),
-    (steady, inverse): (&Plane<Rgb>, &Plane<f32>),
+    (steady, inverse): (&Plane<Rgb>, &[f32]),
     gather: &Gather,
     y: usize,
     out: &mut [f32],
 ) {
     let here = &window[centre];
     let w = here.input.size().width;
-    for x in 0..w {
-        let scale = inverse.at(x, y);
+    for (x, &scale) in inverse.iter().enumerate() {
         let (i, p, s) = (here.input.at(x, y), here.picture.at(x, y), steady.at(x, y));
         let e = three(|c| i[c] - p[c]);
         let (sum, change, seen) = over_time(window, centre, (x, y), e, gather);
@@ -230,76 +324,118 @@ fn over_time(
 /// differences along four directions, of the input and of input less wavelet.
 const SQUARES: usize = 15;
 
-fn squares(here: &BlendFrame<'_>, steady: &Plane<Rgb>, inverse: &Plane<f32>, differences: &Rows) -> Rows {
-    let size = here.input.size();
-    let (w, h) = (size.width, size.height);
-    let mut out = Rows::new(size, SQUARES);
-    par::rows(out.data_mut(), (SQUARES * w).max(1), |y, out| {
-        let rows = [y.saturating_sub(1), y, (y + 1).min(h - 1)];
-        for x in 0..w {
-            let columns = [x.saturating_sub(1), x, (x + 1).min(w - 1)];
-            let scale = inverse.at(x, y);
-            let high = |at: &dyn Fn(usize, usize) -> f32| {
-                let row = |y: usize| 0.25 * at(columns[0], y) + 0.5 * at(columns[1], y) + 0.25 * at(columns[2], y);
-                let d = at(x, y) - (0.25 * row(rows[0]) + 0.5 * row(rows[1]) + 0.25 * row(rows[2]));
-                d * d
-            };
-            let mut sums = [0.0f32; SQUARES];
+/// Three channels each: the stabilised picture, the wavelet's, the input, and input less wavelet relative to the brightness. Each
+/// row begins and ends with its border once more, and has room for the last sixteen pixels.
+struct Apart(Band);
+
+impl Apart {
+    fn new(here: &BlendFrame<'_>, steady: &Plane<Rgb>, differences: &Band, rows: &Range<usize>) -> Self {
+        let w = here.input.size().width;
+        let stride = w + 2 + BLOCK;
+        Self(Band::filled(rows, stride, 12, |y, out| {
+            for (k, picture) in [steady, here.picture, here.input].into_iter().enumerate() {
+                for (x, colour) in picture.row(y).iter().enumerate() {
+                    for c in 0..3 {
+                        out[(3 * k + c) * stride + 1 + x] = colour[c];
+                    }
+                }
+            }
+            for (c, out) in out.chunks_exact_mut(stride).enumerate() {
+                if c >= 9 {
+                    out[1..=w].copy_from_slice(differences.row(y, c - 9));
+                }
+                out[0] = out[1];
+                out[w + 1] = out[w];
+            }
+        }))
+    }
+
+    /// A row of [`SQUARES`].
+    #[inline(always)]
+    fn squares_row<S: Simd>(&self, simd: S, differences: &Band, inverse: &[f32], y: usize, out: &mut [f32]) {
+        let w = inverse.len();
+        let last = self.0.first + self.0.rows.size().height - 1;
+        // Beyond the picture its border counts.
+        let lines = [y.max(self.0.first + 1) - 1, y, (y + 1).min(last)];
+        for x in (0..w).step_by(BLOCK) {
+            let scale = load::<true, _>(simd, inverse, x as isize);
+            // Channel c of a pixel of the 3x3 around.
+            let at =
+                |c: usize, dx: usize, dy: usize| load::<false, _>(simd, self.0.row(lines[dy], c), (x + dx) as isize);
+            let mut sums = [f32x16::splat(simd, 0.0); SQUARES];
             for c in 0..3 {
-                let (e, f) = (differences.at(x, y, c), differences.at(x, y, 3 + c));
-                sums[0] += high(&|x, y| differences.at(x, y, c)) / HIGH_PASS;
+                let (e, f) = (at(9 + c, 1, 1), load::<true, _>(simd, differences.row(y, 3 + c), x as isize));
                 sums[1] += e * e;
                 sums[2] += f * f;
                 sums[3] += (e - f) * (e - f);
-                sums[4] += high(&|x, y| steady.at(x, y)[c]) * scale * scale;
-                sums[5] += high(&|x, y| here.picture.at(x, y)[c]) * scale * scale;
-                sums[6] += high(&|x, y| here.input.at(x, y)[c]) * scale * scale / HIGH_PASS;
             }
-            let place = |v: usize, d: isize, limit: usize| (v as isize + d).clamp(0, limit as isize - 1) as usize;
-            let around = |dx: isize, dy: isize| (place(x, dx, w), place(y, dy, h));
+            // What a binomial 3x3 takes away, squared.
+            for (k, first) in [(0, 9), (4, 0), (5, 3), (6, 6)] {
+                for c in first..first + 3 {
+                    let mut rows = [f32x16::splat(simd, 0.0); 3];
+                    for dy in 0..3 {
+                        rows[dy] = at(c, 0, dy) * 0.25 + at(c, 1, dy) * 0.5 + at(c, 2, dy) * 0.25;
+                    }
+                    let d = at(c, 1, 1) - (rows[0] * 0.25 + rows[1] * 0.5 + rows[2] * 0.25);
+                    let d = d * d;
+                    sums[k] += match k {
+                        0 => d / HIGH_PASS,
+                        6 => d * scale * scale / HIGH_PASS,
+                        _ => d * scale * scale,
+                    };
+                }
+            }
             for (k, [dx, dy]) in DIRECTIONS.into_iter().enumerate() {
-                let places = [around(-dx, -dy), (x, y), around(dx, dy)];
-                let [a, b, c] = places.map(|(x, y)| here.input.at(x, y));
-                let [p, q, r] = places.map(|(x, y)| [0, 1, 2].map(|c| differences.at(x, y, c)));
-                let squared = |d: f32| d * d / SECOND_DIFFERENCE;
-                sums[7 + k] = (0..3).map(|i| squared((a[i] - 2.0 * b[i] + c[i]) * scale)).sum();
-                sums[11 + k] = (0..3).map(|i| squared(p[i] - 2.0 * q[i] + r[i])).sum();
+                let place = |d: isize| (1 + d) as usize;
+                for c in 0..3 {
+                    let bend =
+                        |c: usize| at(c, place(-dx), place(-dy)) - at(c, 1, 1) * 2.0 + at(c, place(dx), place(dy));
+                    let (input, difference) = (bend(6 + c) * scale, bend(9 + c));
+                    sums[7 + k] += input * input / SECOND_DIFFERENCE;
+                    sums[11 + k] += difference * difference / SECOND_DIFFERENCE;
+                }
             }
-            for (k, sum) in sums.into_iter().enumerate() {
-                out[k * w + x] = sum;
+            for k in 0..SQUARES {
+                store(sums[k], &mut out[k * w..][..w], x);
             }
         }
-    });
-    out
+    }
 }
 
 /// Means over windows.
 struct Statistics {
     /// Of the three differences, near.
-    means: Rows,
+    means: Band,
     /// Changes over time and neighbours seen, near and wide.
-    time: [Rows; 2],
+    time: [Band; 2],
     /// Noise over space, and changes of the input, near and wide.
-    space: [Rows; 2],
+    space: [Band; 2],
     /// Squared differences and details, near; differences, wide.
-    near: Rows,
-    wide: Rows,
-    /// Second differences along four directions.
-    along: Rows,
+    near: Band,
+    wide: Band,
+    /// Second differences along the direction in which they are least, of the input and of input less wavelet.
+    along: Band,
 }
 
 impl Statistics {
-    fn new(differences: &Rows, squares: &Rows) -> Self {
-        let means = pool(&part(differences, &[0, 1, 2, 3, 4, 5, 6, 7, 8]), NOISE_NEAR);
-        let (time, space) = (part(differences, &[9, 10]), part(squares, &[0, 6]));
-        let apart = part(squares, &[1, 2, 3]);
+    fn new(differences: &Band, squares: &Band, rows: Range<usize>, height: usize) -> Self {
+        let of = |band: &Band, channels: &[usize], radius: usize| pool(band, channels, radius, &rows, height);
+        let along = of(squares, &[7, 8, 9, 10, 11, 12, 13, 14], NOISE_NEAR);
+        let w = along.width();
         Self {
-            means,
-            time: [NOISE_NEAR, NOISE_WIDE].map(|r| pool(&time, r)),
-            space: [NOISE_NEAR, NOISE_WIDE].map(|r| pool(&space, r)),
-            near: pool(&part(squares, &[1, 2, 3, 4, 5]), NEAR),
-            wide: pool(&apart, WIDE),
-            along: pool(&part(squares, &[7, 8, 9, 10, 11, 12, 13, 14]), NOISE_NEAR),
+            means: of(differences, &[0, 1, 2, 3, 4, 5, 6, 7, 8], NOISE_NEAR),
+            time: [NOISE_NEAR, NOISE_WIDE].map(|r| of(differences, &[9, 10], r)),
+            space: [NOISE_NEAR, NOISE_WIDE].map(|r| of(squares, &[0, 6], r)),
+            near: of(squares, &[1, 2, 3, 4, 5], NEAR),
+            wide: of(squares, &[1, 2, 3], WIDE),
+            along: Band::filled(&rows, w, 2, |y, out| {
+                out.fill(f32::MAX);
+                for (k, out) in out.chunks_exact_mut(w).enumerate() {
+                    for c in 4 * k..4 * k + 4 {
+                        out.iter_mut().zip(along.row(y, c)).for_each(|(least, value)| *least = least.min(*value));
+                    }
+                }
+            }),
         }
     }
 
@@ -312,7 +448,7 @@ impl Statistics {
             seen: [0, 1].map(|k| self.time[k].at(x, y, 1)),
             over_space: [0, 1].map(|k| self.space[k].at(x, y, 0)),
             input: [0, 1].map(|k| self.space[k].at(x, y, 1)),
-            along: [0..4, 4..8].map(|of| of.map(|k| self.along.at(x, y, k)).fold(f32::MAX, f32::min)),
+            along: [0, 1].map(|k| self.along.at(x, y, k)),
             apart: [near[0], near[1], near[2], wide[0], wide[1], wide[2]],
             detail: [self.near.at(x, y, 3), self.near.at(x, y, 4)],
             mean: [mean(0), mean(1), mean(2)],
@@ -323,7 +459,7 @@ impl Statistics {
 
 #[inline(always)]
 fn read_row(
-    (stats, inverse): (&Statistics, &Plane<f32>),
+    noise: &PictureNoise,
     (here, steady): (&BlendFrame<'_>, &Plane<Rgb>),
     y: usize,
     edges: &[bool],
@@ -332,7 +468,7 @@ fn read_row(
     let w = edges.len();
     for (x, edge) in edges.iter().enumerate() {
         let candidates = [here.input.at(x, y), here.picture.at(x, y), steady.at(x, y)];
-        let values = read(&stats.at(x, y, *edge), candidates, inverse.at(x, y));
+        let values = read(&noise.stats.at(x, y, *edge), candidates, noise.inverse.at(x, y, 0));
         for (c, value) in values.into_iter().enumerate() {
             out[c * w + x] = value;
         }
@@ -340,99 +476,115 @@ fn read_row(
 }
 
 #[inline(always)]
-fn shares_row(
-    stats: &Statistics,
-    said: Option<&Rows>,
-    y: usize,
-    edges: &[bool],
-    s: &Settings,
-    shares_of: &mut [[f32; 3]],
-    expected: &mut [f32],
-) {
-    for (x, edge) in edges.iter().enumerate() {
-        let pooled = stats.at(x, y, *edge);
-        let (share, error) = match said {
-            Some(said) => shares([0, 1, 2, 3].map(|c| said.at(x, y, c)), s.strength),
-            None => by_thresholds(&pooled, s),
-        };
+fn shares_row(said: &Rows, known: &[Known], y: usize, s: &Settings, shares_of: &mut [[f32; 3]], expected: &mut [f32]) {
+    for (x, known) in known.iter().enumerate() {
+        let (share, error) = shares([0, 1, 2, 3].map(|c| said.at(x, y, c)), s.strength);
         shares_of[x] = share;
-        expected[x] = error * pooled.noise(1) / 3.0;
+        expected[x] = error * known.noise / 3.0;
     }
 }
 
-fn draw_back(shares: &mut Plane<[f32; 3]>, differences: &Rows, stats: &Statistics, s: &Settings) {
+fn draw_back(
+    shares: &mut Plane<[f32; 3]>,
+    (here, steady): (&BlendFrame<'_>, &Plane<Rgb>),
+    known: &Plane<Known>,
+    s: &Settings,
+) {
     let size = shares.size();
-    let w = size.width;
-    let mut squared = Rows::new(size, 1);
-    par::rows(squared.data_mut(), w, |y, row| {
+    let (w, h) = (size.width, size.height);
+    let squared = Band::filled(&(0..h), w, 1, |y, row| {
         for (x, value) in row.iter_mut().enumerate() {
-            let [_, wavelet, steady] = shares.at(x, y);
+            let [_, wavelet, steadied] = shares.at(x, y);
+            let (i, p, s) = (here.input.at(x, y), here.picture.at(x, y), steady.at(x, y));
+            let scale = known.at(x, y).inverse;
             *value = (0..3)
-                .map(|c| wavelet * differences.at(x, y, c) + steady * differences.at(x, y, 3 + c))
+                .map(|c| wavelet * ((i[c] - p[c]) * scale) + steadied * ((i[c] - s[c]) * scale))
                 .map(|d| d * d)
                 .sum();
         }
     });
-    let difference = pool(&squared, NOISE_NEAR);
+    let difference = pool(&squared, &[0], NOISE_NEAR, &(0..h), h);
     par::rows(shares.data_mut(), w, |y, row| {
-        for (x, share) in row.iter_mut().enumerate() {
-            let noise = stats.at(x, y, false).least_noise(s);
-            let kept = drawn_back(difference.at(x, y, 0), noise, s);
+        for ((share, known), difference) in row.iter_mut().zip(known.row(y)).zip(difference.row(y, 0)) {
+            let kept = drawn_back(*difference, known.least_noise, s);
             let [_, wavelet, steady] = share.map(|v| v * kept);
             *share = [1.0 - (wavelet + steady), wavelet, steady];
         }
     });
 }
 
-/// Some channels of an image.
-fn part(rows: &Rows, channels: &[usize]) -> Rows {
-    let size = rows.size();
-    let mut out = Rows::new(size, channels.len());
-    par::rows(out.data_mut(), (channels.len() * size.width).max(1), |y, out| {
-        for (out, c) in out.chunks_exact_mut(size.width).zip(channels) {
-            out.copy_from_slice(rows.row(y, *c));
+/// Means of some channels over windows of 2 `radius` + 1 pixels, of what lies in the picture, for these rows. `from` holds those around them.
+fn pool(from: &Band, channels: &[usize], radius: usize, rows: &Range<usize>, height: usize) -> Band {
+    let (w, n) = (from.width(), channels.len());
+    let across = Band::filled(&around(rows, radius, height), w, n, |y, out| {
+        for (c, out) in channels.iter().zip(out.chunks_exact_mut(w)) {
+            dispatch!(crate::simd::level(), simd => means_across(simd, from.row(y, *c), radius, out));
         }
     });
-    out
+    Band::filled(rows, w, n, |y, out| {
+        let window = around(&(y..y + 1), radius, height);
+        let lines: Vec<&[f32]> = window.map(|v| &across.rows.data()[(v - across.first) * n * w..][..n * w]).collect();
+        dispatch!(crate::simd::level(), simd => means_of(simd, &lines, out));
+    })
 }
 
-/// Means over windows of 2 `radius` + 1 pixels, of what lies in the picture.
-pub(crate) fn pool(rows: &Rows, radius: usize) -> Rows {
-    let (size, channels) = (rows.size(), rows.channels());
-    let Size { width: w, height: h } = size;
-    let mut across = Rows::new(size, channels);
-    par::rows(across.data_mut(), (channels * w).max(1), |y, out| {
-        for (c, out) in out.chunks_exact_mut(w).enumerate() {
-            widest!(sums_across(rows.row(y, c), radius, out));
-        }
-    });
-    let mut both = Rows::new(size, channels);
-    par::rows(both.data_mut(), (channels * w).max(1), |y, out| {
-        for (c, out) in out.chunks_exact_mut(w).enumerate() {
-            let (from, to) = (y.saturating_sub(radius), (y + radius + 1).min(h));
-            for v in from..to {
-                out.iter_mut().zip(across.row(v, c)).for_each(|(sum, value)| *sum += value);
-            }
-            let scale = 1.0 / (to - from) as f32;
-            out.iter_mut().for_each(|sum| *sum *= scale);
-        }
-    });
-    both
-}
-
+/// Means over 2 `radius` + 1 pixels of a row, of those that there are.
 #[inline(always)]
-fn sums_across(row: &[f32], radius: usize, out: &mut [f32]) {
-    let w = row.len();
-    for dx in 0..=2 * radius {
-        // out[x] += row[x + dx - radius]
-        let (from, to) = (radius.saturating_sub(dx), (w + radius).saturating_sub(dx).min(w));
-        if from < to {
-            let start = from + dx - radius;
-            out[from..to].iter_mut().zip(&row[start..start + (to - from)]).for_each(|(sum, value)| *sum += value);
+fn means_across<S: Simd>(simd: S, row: &[f32], radius: usize, out: &mut [f32]) {
+    let (w, r) = (row.len(), radius as isize);
+    for at in (0..w).step_by(BLOCK) {
+        let x = at as isize;
+        let mut sum = f32x16::splat(simd, 0.0);
+        if whole(x - r, w) && whole(x + r, w) {
+            for dx in -r..=r {
+                sum += load::<false, _>(simd, row, x + dx);
+            }
+            store(sum / (2 * radius + 1) as f32, out, at);
+        } else {
+            for dx in -r..=r {
+                sum += load::<true, _>(simd, row, x + dx);
+            }
+            let mut number = [1.0; BLOCK];
+            for (i, number) in number.iter_mut().enumerate().take(w - at) {
+                *number = ((at + i + radius + 1).min(w) - (at + i).saturating_sub(radius)) as f32;
+            }
+            let number: f32x16<S> = number.simd_into(simd);
+            store(sum / number, out, at);
         }
     }
-    for (x, sum) in out.iter_mut().enumerate() {
-        let number = (x + radius + 1).min(w) - x.saturating_sub(radius);
-        *sum /= number as f32;
+}
+
+/// Means of lines, value by value.
+#[inline(always)]
+fn means_of<S: Simd>(simd: S, lines: &[&[f32]], out: &mut [f32]) {
+    let scale = 1.0 / lines.len() as f32;
+    let (blocks, rest) = out.as_chunks_mut::<BLOCK>();
+    let end = BLOCK * blocks.len();
+    for (k, block) in blocks.iter_mut().enumerate() {
+        let mut sum = f32x16::splat(simd, 0.0);
+        for line in lines {
+            sum += load::<false, _>(simd, line, (BLOCK * k) as isize);
+        }
+        (sum * scale).store_slice(block);
     }
+    for (i, value) in rest.iter_mut().enumerate() {
+        let mut sum = 0.0;
+        for line in lines {
+            sum += line[end + i];
+        }
+        *value = sum * scale;
+    }
+}
+
+/// Means over 5x5 and the like of a picture's colours, for these rows.
+pub(crate) fn mean_colours(picture: &Plane<Rgb>, radius: usize, rows: &Range<usize>) -> Band {
+    let (w, h) = (picture.size().width, picture.size().height);
+    let channels = Band::filled(&around(rows, radius, h), w, 3, |y, out| {
+        for (x, colour) in picture.row(y).iter().enumerate() {
+            for c in 0..3 {
+                out[c * w + x] = colour[c];
+            }
+        }
+    });
+    pool(&channels, &[0, 1, 2], radius, rows, h)
 }

@@ -109,7 +109,7 @@ pub(crate) fn follow(
     (at, q): (&mut [f32; 2], usize),
 ) -> Option<usize> {
     let (w, h) = (from.size.width, from.picture_height);
-    let m = from.motion.get(forward, reflected)?.data()[q];
+    let m = from.motion.get(forward, reflected)?.at(q);
     *at = [at[0] + m[0], at[1] + m[1]];
     // NaN fails too: unknown motion ends the trajectory.
     if !(at[0] > -0.5 && at[1] > -0.5 && at[0] < w as f32 - 0.5 && at[1] < h as f32 - 0.5) {

@@ -61,24 +61,22 @@ pub(crate) fn run(features: &Features) -> LocalFeatures {
             0.5 * (0..3).map(|c| (middle[c] - p.normal[c]).powi(2)).sum::<f32>()
         })
     });
-    let component = |c: usize| surface.iter().map(|s| s.normal[c]).collect();
+    let component = |c: usize| plane(&|x, y| at(x, y).normal[c]);
     let three = |packed: Option<&Packed>, k: usize| match packed {
         None => [Vec::new(), Vec::new(), Vec::new()],
         Some(packed) => [0, 1, 2].map(|c| plane(&|x, y| packed.at(k, y * w + x)[c])),
     };
     let seen = |k: usize| three(features.seen.as_ref().filter(|_| features.has_seen[k]), k);
     let mut seen_albedo = seen(0);
-    let mirror: Vec<bool> = match &features.mirror_colour {
-        None => Vec::new(),
-        Some(colour) => (0..size.pixels()).map(|p| colour.at(0, p) != [1.0; 3]).collect(),
-    };
+    let mirrors = if features.mirror_colour.is_some() { size.pixels() } else { 0 };
+    let mirror: Vec<bool> = (0..mirrors).map(|p| features.is_mirror(p)).collect();
     for (mark, _) in seen_albedo[0].iter_mut().zip(&mirror).filter(|(_, mirror)| **mirror) {
         *mark += DIVIDED;
     }
     LocalFeatures {
         size,
         slope: [dx, dy],
-        inverse_depth: surface.iter().map(|s| s.inverse_depth).collect(),
+        inverse_depth: plane(&inverse),
         depth_noise,
         normal: [component(0), component(1), component(2)],
         normal_noise,

@@ -62,7 +62,8 @@ impl<'a> Job<'a> {
         for (l, slot) in self.slots.iter().enumerate() {
             if let Samples::Own(own) = &here.stored[slot.light] {
                 for (k, plane) in own.iter().enumerate() {
-                    for (x, value) in plane.row(y).iter().enumerate() {
+                    for x in 0..w {
+                        let value = plane.at(y * w + x);
                         for c in 0..3 {
                             colours[(3 * (slot.first + k) + c) * w + x] = value[c];
                         }

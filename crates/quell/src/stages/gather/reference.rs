@@ -51,7 +51,7 @@ struct Mean {
 fn mean(window: &[&PreparedFrame], centre: usize, p: usize, slot: &LightSlot, met: &[Met], s: &Gather) -> Mean {
     let here = window[centre];
     if let Samples::Own(own) = &here.stored[slot.light] {
-        return Mean { colours: own.iter().map(|plane| plane.data()[p]).collect(), spread: 0.0, count: 1.0 };
+        return Mean { colours: own.iter().map(|plane| plane.at(p)).collect(), spread: 0.0, count: 1.0 };
     }
     let around = |frame: &PreparedFrame, pixel: usize| {
         let place = frame.means.places.get(slot.light).copied().flatten();
@@ -139,7 +139,7 @@ fn follow(
         let Some(&there) = window.get(next) else { return };
         let from = window[frame];
         let Some(motion) = from.features.motion.get(forward, reflected) else { return };
-        let m = motion.data()[pixel];
+        let m = motion.at(pixel);
         at = [at[0] + m[0], at[1] + m[1]];
         let inside = |v: f32, extent: usize| v > -0.5 && v < extent as f32 - 0.5;
         if !(inside(at[0], w) && inside(at[1], h)) || (at[1] - origin[1]).abs() > s.travel * h as f32 {
@@ -155,7 +155,7 @@ fn follow(
             let row = there.features.row_here(y);
             let (Some(row), true) = (row, share >= s.least_share && x >= 0 && x < w as isize) else { continue };
             let q = row * w + x as usize;
-            let miss = back.map(|back| back.data()[q]).map(|b| (m[0] + b[0]).hypot(m[1] + b[1]));
+            let miss = back.map(|back| back.at(q)).map(|b| (m[0] + b[0]).hypot(m[1] + b[1]));
             let trust = trust(&there.features.surface[q], &tracked, size, m[0].hypot(m[1]), miss, s);
             let Some(trust) = trust else { continue };
             same.push((share, q));

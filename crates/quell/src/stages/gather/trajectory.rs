@@ -1,9 +1,10 @@
 //! Where the surfaces of eight pixels of a row lie in the other frames of the window, and which of their pixels show them.
 
-use crate::plane::Plane;
+use crate::kernels::halves::widen_eight;
 use crate::sequence::settings::Gather;
-use crate::window::{Features, PreparedFrame, SurfacePoint};
+use crate::window::{Features, Motion, PreparedFrame, SurfacePoint, Vectors};
 use fearless_simd::{Simd, f32x8, i32x8, mask32x8, prelude::*};
+use half::f16;
 
 /// Pixels that are followed at once.
 pub(super) const LANES: usize = 8;
@@ -209,10 +210,18 @@ fn dot<S: Simd>(a: &[f32x8<S>; 3], b: &[f32x8<S>; 3]) -> f32x8<S> {
 }
 
 #[inline(always)]
-fn pairs<S: Simd>(simd: S, plane: &Plane<[f32; 2]>, places: &[i32; LANES]) -> [f32x8<S>; 2] {
+fn pairs<S: Simd>(simd: S, motion: Motion<'_>, places: &[i32; LANES]) -> [f32x8<S>; 2] {
+    if let (Vectors::Half(_, data), None) = (motion.surface, motion.reflection) {
+        let mut v = [[f16::ZERO; LANES]; 2];
+        for i in 0..LANES {
+            let [x, y] = data[places[i] as usize];
+            (v[0][i], v[1][i]) = (x, y);
+        }
+        return [widen_eight(simd, v[0]), widen_eight(simd, v[1])];
+    }
     let mut v = [[0.0f32; LANES]; 2];
     for i in 0..LANES {
-        let pair = plane.data()[places[i] as usize];
+        let pair = motion.at(places[i] as usize);
         (v[0][i], v[1][i]) = (pair[0], pair[1]);
     }
     [v[0].simd_into(simd), v[1].simd_into(simd)]
@@ -223,7 +232,7 @@ struct Step<'a, S: Simd> {
     /// World-space size of a pixel at the surface; 0: unknown.
     pixel_size: f32x8<S>,
     /// Motion back again, where it is known.
-    back: Option<&'a Plane<[f32; 2]>>,
+    back: Option<Motion<'a>>,
     motion: [f32x8<S>; 2],
 }
 

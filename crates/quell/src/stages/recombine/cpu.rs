@@ -17,7 +17,7 @@ pub(crate) fn sum(frame: &PreparedFrame, slots: &[LightSlot], colours: &Rows) ->
             let mirror = mirror_colour(&frame.features, slot);
             for (x, value) in row.iter_mut().enumerate() {
                 let weight = weights.map_or([1.0; 3], |w| w.at(y * width + x));
-                let mirror = mirror.map_or([1.0; 3], |m| m.at(0, y * width + x));
+                let mirror = mirror.and_then(|m| m.get(y * width + x)).unwrap_or([1.0; 3]);
                 for c in 0..3 {
                     value[c] += channels[c][x] * weight[c] * mirror[c];
                 }
@@ -39,7 +39,7 @@ pub(crate) fn input(frame: &PreparedFrame, slots: &[LightSlot], colours: &Rows) 
                 let p = y * width + x;
                 let light = raw(frame, slot, 0, p).unwrap_or_else(|| colours.colour(x, y, 3 * slot.first));
                 let weight = weights.map_or([1.0; 3], |w| w.at(p));
-                let mirror = mirror.map_or([1.0; 3], |m| m.at(0, p));
+                let mirror = mirror.and_then(|m| m.get(p)).unwrap_or([1.0; 3]);
                 for c in 0..3 {
                     value[c] += light[c] * weight[c] * mirror[c];
                 }
@@ -65,7 +65,7 @@ pub(crate) fn rescale(
         let plane = |k: usize| {
             par::plane(size, |x, y| {
                 let p = y * width + x;
-                let mirror = mirror.map_or([1.0; 3], |m| m.at(0, p));
+                let mirror = mirror.and_then(|m| m.get(p)).unwrap_or([1.0; 3]);
                 let (filtered, own) = (colours.colour(x, y, 3 * (slot.first + k)), share(x, y)[0]);
                 let raw = if own > 0.0 { raw(frame, slot, k, p).unwrap_or(filtered) } else { filtered };
                 let gain = gain.at(x, y);

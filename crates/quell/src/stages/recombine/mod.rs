@@ -18,7 +18,7 @@ pub mod reference;
 
 use crate::frame::Rgb;
 use crate::reach::Reach;
-use crate::window::{Class, Features, LightSlot, Packed, PreparedFrame, Samples};
+use crate::window::{Class, Features, LightSlot, PreparedFrame, Samples, Sparse};
 
 /// A picture darker than this has no factor: 1.
 pub(crate) const LEAST_PICTURE: f32 = 1e-8;
@@ -29,7 +29,7 @@ pub(crate) fn reach() -> Reach {
 }
 
 /// The colour that a light was divided by in mirrors and clear glass; `None`: 1.
-pub(crate) fn mirror_colour<'a>(features: &'a Features, slot: &LightSlot) -> Option<&'a Packed> {
+pub(crate) fn mirror_colour<'a>(features: &'a Features, slot: &LightSlot) -> Option<&'a Sparse<Rgb>> {
     features.mirror_colour.as_ref().filter(|_| Class::of(slot.kind) == Class::Seen)
 }
 

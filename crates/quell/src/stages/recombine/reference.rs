@@ -14,7 +14,7 @@ pub fn sum(frame: &PreparedFrame, slots: &[LightSlot], colours: &Rows) -> Plane<
             let p = y * size.width + x;
             let light = colours.colour(x, y, 3 * slot.first);
             let weight = frame.weights[slot.light].as_ref().map_or([1.0; 3], |weight| weight.at(p));
-            let mirror = mirror_colour(&frame.features, slot).map_or([1.0; 3], |colour| colour.at(0, p));
+            let mirror = mirror_colour(&frame.features, slot).and_then(|colour| colour.get(p)).unwrap_or([1.0; 3]);
             for c in 0..3 {
                 picture[c] += f64::from(light[c]) * f64::from(weight[c]) * f64::from(mirror[c]);
             }
@@ -56,7 +56,7 @@ pub fn rescale(
             for (p, value) in plane.data_mut().iter_mut().enumerate() {
                 let filtered = colours.colour(p % size.width, p / size.width, 3 * (slot.first + k));
                 let unfiltered = raw(frame, slot, k, p).unwrap_or(filtered);
-                let mirror = mirror_colour(&frame.features, slot).map_or([1.0; 3], |colour| colour.at(0, p));
+                let mirror = mirror_colour(&frame.features, slot).and_then(|colour| colour.get(p)).unwrap_or([1.0; 3]);
                 let shares = shares.map_or([0.0, 0.0, 1.0], |shares| shares.data()[p]);
                 let (own, gain) = factors(before.data()[p], after.data()[p], shares);
                 *value = [0, 1, 2]

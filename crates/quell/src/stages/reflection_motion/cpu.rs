@@ -25,9 +25,9 @@ struct Level {
 
 impl Level {
     fn finest(features: &Features, s: &Reflections) -> Option<Self> {
-        let (seen, colour) = (features.seen.as_ref()?, features.mirror_colour.as_ref()?);
+        let seen = features.seen.as_ref()?;
         let size = features.size;
-        let share = |i: usize| if colour.at(0, i) == [1.0; 3] { 0.0 } else { 1.0 };
+        let share = |i: usize| if features.is_mirror(i) { 1.0 } else { 0.0 };
         let share: Vec<f32> = (0..size.pixels()).map(share).collect();
         if !share.contains(&1.0) {
             return None;
@@ -138,8 +138,8 @@ fn pyramid(finest: Level, s: &Reflections) -> Vec<Level> {
 pub(crate) fn run(previous: &Features, next: &Features, s: &Reflections) -> Option<ReflectionMotion> {
     let (a, b) = (pyramid(Level::finest(previous, s)?, s), pyramid(Level::finest(next, s)?, s));
     Some(ReflectionMotion {
-        to_previous: next.motion.to_previous.as_ref().map(|m| follow(&b, &a, m.clone(), s)),
-        to_next: previous.motion.to_next.as_ref().map(|m| follow(&a, &b, m.clone(), s)),
+        to_previous: next.motion.to_previous.as_ref().map(|m| follow(&b, &a, m.plane(), s)),
+        to_next: previous.motion.to_next.as_ref().map(|m| follow(&a, &b, m.plane(), s)),
     })
 }
 

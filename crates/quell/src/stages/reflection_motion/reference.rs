@@ -9,8 +9,8 @@ use crate::window::Features;
 pub fn run(previous: &Features, next: &Features, s: &Reflections) -> Option<ReflectionMotion> {
     let (a, b) = (Image::of(previous)?, Image::of(next)?);
     Some(ReflectionMotion {
-        to_previous: next.motion.to_previous.as_ref().map(|motion| matched(&b, &a, motion, s)),
-        to_next: previous.motion.to_next.as_ref().map(|motion| matched(&a, &b, motion, s)),
+        to_previous: next.motion.to_previous.as_ref().map(|motion| matched(&b, &a, &motion.plane(), s)),
+        to_next: previous.motion.to_next.as_ref().map(|motion| matched(&a, &b, &motion.plane(), s)),
     })
 }
 

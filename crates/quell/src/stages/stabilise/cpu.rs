@@ -174,7 +174,7 @@ fn step(
     s: &Stabilise,
 ) -> Option<((f32, f32), Front)> {
     let (w, h) = (from.size.width, from.picture_height);
-    let m = from.motion.get(forward, reflected)?.data()[front.pixel];
+    let m = from.motion.get(forward, reflected)?.at(front.pixel);
     let at = (at.0 + m[0], at.1 + m[1]);
     // NaN fails too: unknown motion ends the trajectory.
     if !(at.0 >= 0.0 && at.1 >= 0.0 && at.0 <= (w - 1) as f32 && at.1 <= (h - 1) as f32) {
@@ -185,7 +185,7 @@ fn step(
 }
 
 fn departs(features: &Features, forward: bool, pixel: usize) -> f32 {
-    let at = |reflected: bool| features.motion.get(forward, reflected).map_or([0.0; 2], |m| m.data()[pixel]);
+    let at = |reflected: bool| features.motion.get(forward, reflected).map_or([0.0; 2], |m| m.at(pixel));
     let (seen, surface) = (at(true), at(false));
     ((seen[0] - surface[0]).powi(2) + (seen[1] - surface[1]).powi(2)).sqrt()
 }
@@ -195,7 +195,7 @@ fn departs(features: &Features, forward: bool, pixel: usize) -> f32 {
 fn returns(features: &Features, forward: bool, reflected: bool, pixel: usize, motion: [f32; 2], s: &Stabilise) -> bool {
     let back = features.motion.get(!forward, reflected);
     let Some(back) = back else { return true };
-    let r = back.data()[pixel];
+    let r = back.at(pixel);
     let length = (motion[0] * motion[0] + motion[1] * motion[1]).sqrt();
     let miss = ((motion[0] + r[0]).powi(2) + (motion[1] + r[1]).powi(2)).sqrt();
     miss <= s.round_trip + s.round_trip_share * length

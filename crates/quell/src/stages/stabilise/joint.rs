@@ -2,32 +2,39 @@
 
 use super::cpu::Track;
 use super::{
-    Bandwidths, Signature, StabiliseFrame, TAPS_AROUND, TAPS_IN_TIME, albedo_around, bandwidths, normal_at, tap_weight,
+    Bandwidths, PARTS, Signature, StabiliseFrame, TAPS_AROUND, TAPS_IN_TIME, albedo_around, bandwidths, normal_at,
 };
 use crate::frame::Rgb;
+use crate::kernels::lanes::{BLOCK, exp2, inside, load, whole};
 use crate::kernels::math::three;
 use crate::par;
 use crate::plane::{Plane, Size};
 use crate::sequence::settings::{Gather, Stabilise};
-use crate::simd::widest;
 use crate::stages::blend::BlendFrame;
-use crate::stages::blend::cpu::PictureNoise;
-use crate::window::{Features, Rows};
+use crate::stages::blend::cpu::{Band, PictureNoise, around as blend_around, bands, mean_colours};
+use crate::window::Features;
+use fearless_simd::{Simd, dispatch, f32x4, f32x16, prelude::*};
+use std::ops::Range;
 
 /// As [`super::reference::signature`].
 pub(crate) fn signature(features: &Features, picture: &Plane<Rgb>) -> Plane<Signature> {
     let size = picture.size();
+    let w = size.width;
     let mut out = Plane::filled(size, [0.0; super::SIGNATURE]);
-    let wide = wide_mean(picture);
-    par::rows(out.data_mut(), size.width, |y, row| {
-        for (x, value) in row.iter_mut().enumerate() {
-            let normal = normal_around(features, x, y);
-            let albedo = albedo_around(features, y * size.width + x);
-            for (part, v) in [binomial(picture, x, y), wide.colour(x, y, 0), albedo, normal].into_iter().enumerate() {
-                value[3 * part..3 * part + 3].copy_from_slice(&v);
+    for rows in bands(size.height) {
+        let wide = mean_colours(picture, super::WIDE, &rows);
+        par::rows(&mut out.data_mut()[rows.start * w..rows.end * w], w, |y, row| {
+            let y = rows.start + y;
+            for (x, value) in row.iter_mut().enumerate() {
+                let normal = normal_around(features, x, y);
+                let albedo = albedo_around(features, y * w + x);
+                let parts = [binomial(picture, x, y), wide.colour(x, y, 0), albedo, normal];
+                for (part, v) in parts.into_iter().enumerate() {
+                    value[3 * part..3 * part + 3].copy_from_slice(&v);
+                }
             }
-        }
-    });
+        });
+    }
     out
 }
 
@@ -41,22 +48,32 @@ pub(crate) fn run(
     let here = &window[centre];
     let size = here.picture.size();
     let w = size.width;
-    let joint = Joint::new(window, centre, gather, settings);
     let mut out = here.picture.clone();
-    let mut coverage = Plane::filled(if joint.has_alpha { size } else { Size::new(0, 0) }, 0.0);
-    if joint.has_alpha {
-        par::two_rows(out.data_mut(), w, coverage.data_mut(), w, |y, row, coverage| {
-            widest!(joint.row(y, row, coverage));
-        });
-        return (out, Some(coverage));
+    let has_alpha = has_alpha(window);
+    let mut coverage = Plane::filled(if has_alpha { size } else { Size::new(0, 0) }, 0.0);
+    for rows in bands(size.height) {
+        let joint = Joint::new(window, centre, gather, settings, rows.clone());
+        let pixels = rows.start * w..rows.end * w;
+        let out = &mut out.data_mut()[pixels.clone()];
+        if has_alpha {
+            par::two_rows(out, w, &mut coverage.data_mut()[pixels], w, |y, row, coverage| {
+                dispatch!(crate::simd::level(), simd => joint.row(simd, rows.start + y, row, coverage));
+            });
+        } else {
+            par::rows(out, w, |y, row| {
+                dispatch!(crate::simd::level(), simd => joint.row(simd, rows.start + y, row, &mut []));
+            });
+        }
     }
-    par::rows(out.data_mut(), w, |y, row| {
-        widest!(joint.row(y, row, &mut []));
-    });
-    (out, here.alpha.cloned())
+    (out, if has_alpha { Some(coverage) } else { here.alpha.cloned() })
 }
 
-/// One picture, its neighbours in time, and what its pixels are compared by.
+/// Coverage is averaged too: every frame has it.
+fn has_alpha(window: &[StabiliseFrame<'_>]) -> bool {
+    window.iter().all(|f| f.alpha.is_some())
+}
+
+/// Some rows of a picture, its neighbours in time, and what its pixels are compared by.
 pub(crate) struct Joint<'a> {
     window: &'a [StabiliseFrame<'a>],
     centre: usize,
@@ -65,8 +82,14 @@ pub(crate) struct Joint<'a> {
     settings: &'a Stabilise,
     noise: PictureNoise,
     /// Mean over 5x5 of the input.
-    input: Rows,
+    input: Band,
+    /// Channel by channel, of the rows around, too: signatures, colours, coverage where it is averaged.
+    around: Band,
 }
+
+/// Where colours and coverage lie in [`Joint::around`].
+const COLOUR: usize = super::SIGNATURE;
+const COVERAGE: usize = COLOUR + 3;
 
 impl<'a> Joint<'a> {
     pub(crate) fn new(
@@ -74,46 +97,168 @@ impl<'a> Joint<'a> {
         centre: usize,
         gather: &'a Gather,
         settings: &'a Stabilise,
+        rows: Range<usize>,
     ) -> Self {
         let frames: Vec<_> = window.iter().map(BlendFrame::from).collect();
+        let here = &window[centre];
+        let size = here.picture.size();
+        let w = size.width;
+        let alpha = here.alpha.filter(|_| has_alpha(window));
+        let channels = COVERAGE + usize::from(alpha.is_some());
+        let around = Band::filled(&blend_around(&rows, TAPS_AROUND, size.height), w, channels, |y, out| {
+            let mut set = |c: usize, x: usize, value: f32| out[c * w + x] = value;
+            for (x, signature) in here.signature.map_or(&[][..], |plane| plane.row(y)).iter().enumerate() {
+                signature.iter().enumerate().for_each(|(c, value)| set(c, x, *value));
+            }
+            for (x, colour) in here.picture.row(y).iter().enumerate() {
+                colour.iter().enumerate().for_each(|(c, value)| set(COLOUR + c, x, *value));
+            }
+            if let Some(alpha) = alpha {
+                alpha.row(y).iter().enumerate().for_each(|(x, value)| set(COVERAGE, x, *value));
+            }
+        });
         Self {
+            around,
             window,
             centre,
-            has_alpha: window.iter().all(|f| f.alpha.is_some()),
+            has_alpha: has_alpha(window),
             gather,
             settings,
-            noise: PictureNoise::new(&frames, centre, window[centre].picture, gather),
-            input: wide_mean(window[centre].input),
+            input: mean_colours(window[centre].input, super::WIDE, &rows),
+            noise: PictureNoise::new(&frames, centre, window[centre].picture, gather, rows),
         }
     }
 
     #[inline(always)]
-    fn row(&self, y: usize, row: &mut [Rgb], coverage: &mut [f32]) {
-        for (x, value) in row.iter_mut().enumerate() {
-            let (colour, alpha) = self.pixel(x, y);
-            *value = colour;
-            if let Some(coverage) = coverage.get_mut(x) {
-                *coverage = alpha;
+    fn row<S: Simd>(&self, simd: S, y: usize, row: &mut [Rgb], coverage: &mut [f32]) {
+        let here = &self.window[self.centre];
+        let w = row.len();
+        let Some(signatures) = here.signature else { return };
+        let mut bandwidths_of = [Bandwidths::default(); BLOCK];
+        for x in (0..w).step_by(BLOCK) {
+            let count = BLOCK.min(w - x);
+            let mut lanes = [[0.0; BLOCK]; PARTS + 1];
+            for i in 0..count {
+                let found = bandwidths(&self.noise.at(x + i, y, here.features, self.settings.nearer));
+                for k in 0..PARTS {
+                    lanes[k][i] = found.parts[0][k];
+                }
+                lanes[PARTS][i] = found.offset[0];
+                bandwidths_of[i] = found;
+            }
+            let reach = TAPS_AROUND as isize;
+            let sums = if whole(x as isize - reach, w) && whole(x as isize + reach, w) {
+                self.sums_around::<false, _>(simd, (x, y), &lanes)
+            } else {
+                self.sums_around::<true, _>(simd, (x, y), &lanes)
+            };
+            for i in 0..count {
+                let mut own = signatures.at(x + i, y);
+                own[super::INPUT].copy_from_slice(&self.input.colour(x + i, y, 0));
+                let mut sums = Sums {
+                    joint: self,
+                    simd,
+                    bandwidths: Fours::new(simd, &bandwidths_of[i]),
+                    own: here.picture.at(x + i, y),
+                    own_alpha: here.alpha.map_or(0.0, |a| a.at(x + i, y)),
+                    colour: [sums[0][i], sums[1][i], sums[2][i]],
+                    alpha: sums[3][i],
+                    total: sums[4][i],
+                    waiting: 0,
+                    powers: [0.0; TAPS],
+                    places: [(0, 0); TAPS],
+                };
+                self.taps_in_time(x + i, y, &own, &mut sums);
+                sums.add();
+                let Sums { colour, alpha, total, own, own_alpha, .. } = sums;
+                row[x + i] = three(|k| own[k] + colour[k] / total);
+                if let Some(coverage) = coverage.get_mut(x + i) {
+                    *coverage = own_alpha + alpha / total;
+                }
             }
         }
     }
 
-    /// Colour and coverage of a pixel. Without coverage that is 0.
+    /// Of sixteen pixels the sums over the pixels around them: colours, coverage and weights. `lanes`: bandwidths of the parts and of the
+    /// distance.
     #[inline(always)]
-    fn pixel(&self, x: usize, y: usize) -> (Rgb, f32) {
+    fn sums_around<const EDGE: bool, S: Simd>(
+        &self,
+        simd: S,
+        (x, y): (usize, usize),
+        lanes: &[[f32; BLOCK]; PARTS + 1],
+    ) -> [[f32; BLOCK]; 5] {
         let here = &self.window[self.centre];
-        let bandwidths = bandwidths(&self.noise.at(x, y, here.features, self.settings.nearer));
-        let own = here.picture.at(x, y);
-        let own_alpha = here.alpha.map_or(0.0, |a| a.at(x, y));
-        let mut sums =
-            Sums { joint: self, bandwidths, own, own_alpha, colour: [0.0f32; 3], alpha: 0.0f32, total: 1.0f32 };
-        self.taps(x, y, &mut sums);
-        let Sums { colour, alpha, total, .. } = sums;
-        (three(|k| own[k] + colour[k] / total), own_alpha + alpha / total)
+        let (w, h) = (here.features.size.width, here.features.size.height);
+        let zero = f32x16::splat(simd, 0.0);
+        let mut own = [zero; super::SIGNATURE];
+        for c in 0..super::SIGNATURE {
+            let row = if super::INPUT.contains(&c) {
+                self.input.row(y, c - super::INPUT.start)
+            } else {
+                self.around.row(y, c)
+            };
+            own[c] = load::<EDGE, _>(simd, row, x as isize);
+        }
+        let mut parts = [zero; PARTS];
+        for k in 0..PARTS {
+            parts[k] = f32x16::from_slice(simd, &lanes[k]);
+        }
+        let by_distance = f32x16::from_slice(simd, &lanes[PARTS]);
+        let mut own_colour = [zero; 4];
+        let channels = if self.has_alpha { 4 } else { 3 };
+        for c in 0..channels {
+            own_colour[c] = load::<EDGE, _>(simd, self.around.row(y, COLOUR + c), x as isize);
+        }
+        let (mut sums, mut total) = ([zero; 4], f32x16::splat(simd, 1.0));
+        let r = TAPS_AROUND as isize;
+        for dy in -r..=r {
+            let qy = y as isize + dy;
+            if qy < 0 || qy >= h as isize {
+                continue;
+            }
+            for dx in -r..=r {
+                if (dx, dy) == (0, 0) {
+                    continue;
+                }
+                let at = |c: usize| load::<EDGE, _>(simd, self.around.row(qy as usize, c), x as isize + dx);
+                // The order of `distance`.
+                let mut squares = [zero; super::SIGNATURE];
+                for c in 0..super::SIGNATURE {
+                    let d = own[c] - at(c);
+                    squares[c] = parts[c / 3] * (d * d);
+                }
+                let mut four = [zero; 4];
+                for k in 0..4 {
+                    four[k] = squares[k] + squares[k + 4] + squares[k + 8];
+                }
+                let distance = (four[0] + four[2]) + (four[1] + four[3]);
+                let offset = (dx * dx + dy * dy) as f32;
+                let weight = exp2(simd, -(distance + by_distance * offset));
+                if EDGE {
+                    let inside: f32x16<S> = inside(x as isize + dx, w).simd_into(simd);
+                    let inside = inside.simd_gt(zero);
+                    for c in 0..channels {
+                        sums[c] += inside.select(weight * (at(COLOUR + c) - own_colour[c]), zero);
+                    }
+                    total += inside.select(weight, zero);
+                } else {
+                    for c in 0..channels {
+                        sums[c] += weight * (at(COLOUR + c) - own_colour[c]);
+                    }
+                    total += weight;
+                }
+            }
+        }
+        let mut found = [[0.0; BLOCK]; 5];
+        for (found, sum) in found.iter_mut().zip(sums.into_iter().chain([total])) {
+            sum.store_slice(found);
+        }
+        found
     }
 
     /// Visits the pixels around and those of other frames, but for the pixel itself.
-    #[inline(always)]
+    #[cfg(feature = "internals")]
     fn taps(&self, x: usize, y: usize, visitor: &mut impl Visit) {
         let here = &self.window[self.centre];
         let (w, h) = (here.features.size.width, here.features.size.height);
@@ -131,6 +276,14 @@ impl<'a> Joint<'a> {
                 }
             }
         }
+        self.taps_in_time(x, y, &own, visitor);
+    }
+
+    /// Visits the pixels of other frames.
+    #[inline(always)]
+    fn taps_in_time(&self, x: usize, y: usize, own: &Signature, visitor: &mut impl Visit) {
+        let here = &self.window[self.centre];
+        let w = here.features.size.width;
         for forward in [false, true] {
             if forward && !self.gather.future {
                 continue;
@@ -154,7 +307,7 @@ impl<'a> Joint<'a> {
                         let (dx, dy) = (qx as f32 - track.at.0, qy as f32 - track.at.1);
                         let (pixel, offset) = (row * w + qx as usize, dx * dx + dy * dy);
                         let signature = &signatures.data()[pixel];
-                        visitor.visit(&own, Tap { frame, pixel, signature, offset, away });
+                        visitor.visit(own, Tap { frame, pixel, signature, offset, away });
                     }
                 }
             }
@@ -174,30 +327,87 @@ impl<F: FnMut(&Signature, Tap<'_>)> Visit for F {
     }
 }
 
+/// Taps whose weights are found together.
+const TAPS: usize = 64;
+
 /// Weighted sums of differences from a pixel.
-struct Sums<'j> {
+struct Sums<'j, S: Simd> {
     joint: &'j Joint<'j>,
-    bandwidths: Bandwidths,
+    simd: S,
+    bandwidths: Fours<S>,
     own: Rgb,
     own_alpha: f32,
     colour: Rgb,
     alpha: f32,
     total: f32,
+    /// Taps that are not added yet: logarithms of their weights, frames and pixels.
+    waiting: usize,
+    powers: [f32; TAPS],
+    places: [(u32, u32); TAPS],
 }
 
-impl Visit for Sums<'_> {
+impl<S: Simd> Sums<'_, S> {
+    /// Adds those that wait, in the order in which they came.
+    #[inline(always)]
+    fn add(&mut self) {
+        let simd = self.simd;
+        for powers in self.powers.as_chunks_mut::<BLOCK>().0.iter_mut().take(self.waiting.div_ceil(BLOCK)) {
+            exp2(simd, f32x16::from_slice(simd, powers)).store_slice(powers);
+        }
+        for (weight, (frame, pixel)) in self.powers.iter().zip(&self.places).take(self.waiting) {
+            let other = &self.joint.window[*frame as usize];
+            let c = other.picture.data()[*pixel as usize];
+            for k in 0..3 {
+                self.colour[k] += weight * (c[k] - self.own[k]);
+            }
+            if let (true, Some(alpha)) = (self.joint.has_alpha, other.alpha) {
+                self.alpha += weight * (alpha.data()[*pixel as usize] - self.own_alpha);
+            }
+            self.total += weight;
+        }
+        self.waiting = 0;
+    }
+}
+
+/// The bandwidths of taps in other frames: four numbers of a signature at once.
+struct Fours<S: Simd> {
+    parts: [f32x4<S>; super::SIGNATURE / 4],
+    offset: f32,
+    away: f32,
+}
+
+impl<S: Simd> Fours<S> {
+    #[inline(always)]
+    fn new(simd: S, b: &Bandwidths) -> Self {
+        let [p, q, r, s] = b.parts[1];
+        let of = |four: [f32; 4]| -> f32x4<S> { four.simd_into(simd) };
+        Self { parts: [of([p, p, p, q]), of([q, q, r, r]), of([r, s, s, s])], offset: b.offset[1], away: b.away }
+    }
+
+    /// As [`super::tap_power`], in its order.
+    #[inline(always)]
+    fn power(&self, simd: S, own: &Signature, tap: &Tap<'_>) -> f32 {
+        let (own, other) = (own.as_chunks::<4>().0, tap.signature.as_chunks::<4>().0);
+        let mut squares = self.parts;
+        for k in 0..squares.len() {
+            let d = f32x4::from_slice(simd, &own[k]) - f32x4::from_slice(simd, &other[k]);
+            squares[k] *= d * d;
+        }
+        let four: [f32; 4] = (squares[0] + squares[1] + squares[2]).into();
+        let distance = (four[0] + four[2]) + (four[1] + four[3]);
+        -(distance + self.offset * tap.offset + self.away * (tap.away - 1) as f32)
+    }
+}
+
+impl<S: Simd> Visit for Sums<'_, S> {
     #[inline(always)]
     fn visit(&mut self, own: &Signature, tap: Tap<'_>) {
-        let weight = tap_weight(&self.bandwidths, own, (tap.signature, tap.offset, tap.away));
-        let other = &self.joint.window[tap.frame];
-        let c = other.picture.data()[tap.pixel];
-        for k in 0..3 {
-            self.colour[k] += weight * (c[k] - self.own[k]);
+        if self.waiting == TAPS {
+            self.add();
         }
-        if let (true, Some(alpha)) = (self.joint.has_alpha, other.alpha) {
-            self.alpha += weight * (alpha.data()[tap.pixel] - self.own_alpha);
-        }
-        self.total += weight;
+        self.powers[self.waiting] = self.bandwidths.power(self.simd, own, &tap);
+        self.places[self.waiting] = (tap.frame as u32, tap.pixel as u32);
+        self.waiting += 1;
     }
 }
 
@@ -245,20 +455,6 @@ fn binomial(plane: &Plane<Rgb>, x: usize, y: usize) -> Rgb {
     sum
 }
 
-/// Mean over 5x5 of what lies in the picture.
-fn wide_mean(plane: &Plane<Rgb>) -> Rows {
-    let size = plane.size();
-    let mut rows = Rows::new(size, 3);
-    par::rows(rows.data_mut(), (3 * size.width).max(1), |y, out| {
-        for (x, c) in plane.row(y).iter().enumerate() {
-            for k in 0..3 {
-                out[k * size.width + x] = c[k];
-            }
-        }
-    });
-    crate::stages::blend::cpu::pool(&rows, super::WIDE)
-}
-
 /// What the net's form reads of chosen pixels, for its training: see [`TRAINING_CHANNELS`].
 #[cfg(feature = "internals")]
 pub(crate) fn training_taps(joint: &Joint<'_>, chosen: &[(usize, usize)]) -> (Vec<half::f16>, Vec<f32>) {
@@ -268,7 +464,7 @@ pub(crate) fn training_taps(joint: &Joint<'_>, chosen: &[(usize, usize)]) -> (Ve
         let (x, y) = chosen[i];
         let scale = joint.noise.inverse(x, y);
         let mut taps = out.chunks_exact_mut(TRAINING_CHANNELS);
-        let mut write = |colour: Rgb, parts: [f32; super::PARTS], offset: f32, away: f32| {
+        let mut write = |colour: Rgb, parts: [f32; PARTS], offset: f32, away: f32| {
             let colour = colour.map(|v| v * scale);
             let [near, wide, rest @ ..] = parts;
             let parts = [near * scale * scale, wide * scale * scale].into_iter().chain(rest);
@@ -289,4 +485,4 @@ pub(crate) fn training_taps(joint: &Joint<'_>, chosen: &[(usize, usize)]) -> (Ve
 /// Of a tap, the pixel itself first: colour over brightness, squared differences of the signature's parts (the first two over the
 /// squared brightness), squared distance, and 1 + frames between (0.5: the pixel itself; 0: no tap).
 #[cfg(feature = "internals")]
-pub(crate) const TRAINING_CHANNELS: usize = 3 + super::PARTS + 2;
+pub(crate) const TRAINING_CHANNELS: usize = 3 + PARTS + 2;

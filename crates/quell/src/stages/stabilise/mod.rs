@@ -137,8 +137,10 @@ pub(crate) fn parts(a: &Signature, b: &Signature) -> [f32; PARTS] {
 
 /// By what the squared differences of a signature are multiplied, and squared distances and frames between; for taps of the frame
 /// itself, then for those of others. `log2` of a weight is the negative sum.
+#[derive(Clone, Copy, Default)]
 pub(crate) struct Bandwidths {
-    signature: [Signature; 2],
+    /// Of each part of the signature.
+    parts: [[f32; PARTS]; 2],
     offset: [f32; 2],
     away: f32,
 }
@@ -158,22 +160,12 @@ pub(crate) fn bandwidths((pooled, inverse): &(Pooled, f32)) -> Bandwidths {
     }
     let deviation = |relative: f32| inverse * inverse / (relative + LEAST_DEVIATION);
     let (fine, noise) = (deviation(pooled.detail[1]), deviation(pooled.noise(1)));
-    let mut signature = [[0.0; SIGNATURE]; 2];
-    for (group, scale) in signature.iter_mut().enumerate() {
+    let mut parts = [[0.0; PARTS]; 2];
+    for (group, parts) in parts.iter_mut().enumerate() {
         let z = &z[group * (PARTS + 1)..];
-        for (i, scale) in scale.iter_mut().enumerate() {
-            let part = i / 3;
-            *scale = z[part]
-                * if part == 0 {
-                    fine
-                } else if part == 1 {
-                    noise
-                } else {
-                    1.0
-                };
-        }
+        *parts = [z[0] * fine, z[1] * noise, z[2], z[3]];
     }
-    Bandwidths { signature, offset: [z[PARTS], z[2 * PARTS + 1]], away: z[2 * PARTS + 2] }
+    Bandwidths { parts, offset: [z[PARTS], z[2 * PARTS + 1]], away: z[2 * PARTS + 2] }
 }
 
 /// Which of [`blend`](crate::stages::blend)'s statistics the net reads: those that do not ask for a stabilised picture.
@@ -181,13 +173,13 @@ const READ: [usize; 11] = [0, 1, 2, 3, 4, 7, 11, 12, 14, 15, 16];
 /// What the net gives: a bandwidth for every part and the distance, twice, and one for frames between.
 const OUTPUTS: usize = 2 * (PARTS + 1) + 1;
 
-/// Sum of squared differences times `scale`, in a fixed order.
+/// Sum of squared differences times the bandwidth of their part, in a fixed order.
 #[inline(always)]
-pub(crate) fn distance(a: &Signature, b: &Signature, scale: &Signature) -> f32 {
+pub(crate) fn distance(a: &Signature, b: &Signature, parts: &[f32; PARTS]) -> f32 {
     let mut p = [0.0f32; SIGNATURE];
     for k in 0..SIGNATURE {
         let d = a[k] - b[k];
-        p[k] = scale[k] * (d * d);
+        p[k] = parts[k / 3] * (d * d);
     }
     let mut q = [0.0f32; 4];
     for k in 0..4 {
@@ -197,11 +189,16 @@ pub(crate) fn distance(a: &Signature, b: &Signature, scale: &Signature) -> f32 {
 }
 
 /// The weight of a tap.
+pub(crate) fn tap_weight(b: &Bandwidths, own: &Signature, tap: (&Signature, f32, usize)) -> f32 {
+    exp2(tap_power(b, own, tap))
+}
+
+/// Its logarithm.
 #[inline(always)]
-pub(crate) fn tap_weight(b: &Bandwidths, own: &Signature, (signature, offset, away): (&Signature, f32, usize)) -> f32 {
+fn tap_power(b: &Bandwidths, own: &Signature, (signature, offset, away): (&Signature, f32, usize)) -> f32 {
     let group = usize::from(away > 0);
     let between = if away > 0 { b.away * (away - 1) as f32 } else { 0.0 };
-    exp2(-(distance(own, signature, &b.signature[group]) + b.offset[group] * offset + between))
+    -(distance(own, signature, &b.parts[group]) + b.offset[group] * offset + between)
 }
 
 /// Pixels read within a frame: the cubic, the range in 3x3, what is in front in 3x3 before and after motion.

@@ -282,7 +282,7 @@ fn next_place(
     pixel: usize,
     s: &Stabilise,
 ) -> Option<([f32; 2], usize)> {
-    let m = from.motion.get(forward, reflected)?.data()[pixel];
+    let m = from.motion.get(forward, reflected)?.at(pixel);
     let at = [at[0] + m[0], at[1] + m[1]];
     let last = [(from.size.width - 1) as f32, (from.picture_height - 1) as f32];
     let inside = |c: usize| at[c] >= 0.0 && at[c] <= last[c];
@@ -295,7 +295,7 @@ fn next_place(
         return None;
     }
     if let Some(back) = to.motion.get(!forward, reflected) {
-        let back = back.data()[there];
+        let back = back.at(there);
         let miss = (m[0] + back[0]).hypot(m[1] + back[1]);
         let allowed = s.round_trip + s.round_trip_share * m[0].hypot(m[1]);
         if miss.is_nan() || miss > allowed {
@@ -307,7 +307,7 @@ fn next_place(
 
 /// Pixels between the motion of what is seen at a pixel and that of its surface.
 fn departure(f: &Features, forward: bool, pixel: usize) -> f32 {
-    let at = |reflected: bool| f.motion.get(forward, reflected).map_or([0.0; 2], |m| m.data()[pixel]);
+    let at = |reflected: bool| f.motion.get(forward, reflected).map_or([0.0; 2], |m| m.at(pixel));
     (at(true)[0] - at(false)[0]).hypot(at(true)[1] - at(false)[1])
 }
 

@@ -5,7 +5,6 @@ use super::{LEAST_VARIANCE, SPLINE, TENT, tolerance};
 use crate::kernels::guide_distance_cpu::{Distances, Guides, inside, three_rows, weight};
 use crate::kernels::lanes::{BLOCK, load, store};
 use crate::kernels::math::LUMINANCE;
-use crate::sequence::LightKind;
 use crate::sequence::settings::Wavelet;
 use crate::window::{Class, Features, LightSlot, LocalFeatures, Rows};
 use fearless_simd::{Simd, f32x16, prelude::*};
@@ -68,11 +67,9 @@ fn means<const EDGE: bool, S: Simd>(
 pub(crate) struct Level<'a> {
     pub local: &'a LocalFeatures,
     pub slots: &'a [LightSlot],
-    pub colours: &'a Rows,
-    pub variance: &'a Rows,
     pub compared: &'a Rows,
-    /// What the first level compared.
-    pub first: &'a Rows,
+    /// Of each light its luminance stop, squared.
+    pub stops: &'a Rows,
     pub step: isize,
     /// The lights that take part.
     pub active: &'a [usize],
@@ -80,10 +77,17 @@ pub(crate) struct Level<'a> {
 }
 
 impl Level<'_> {
-    /// One row of the colours and variances after the level.
+    /// One row of the colours and variances after the level, from those before.
     #[inline(always)]
-    pub(crate) fn row<S: Simd>(&self, simd: S, y: usize, out: &mut [f32], out_variance: &mut [f32]) {
-        let Self { local, slots, colours, variance, step, active, settings: s, .. } = *self;
+    pub(crate) fn row<S: Simd>(
+        &self,
+        simd: S,
+        (colours, variance): (&Rows, &Rows),
+        y: usize,
+        out: &mut [f32],
+        out_variance: &mut [f32],
+    ) {
+        let Self { local, slots, step, active, settings: s, .. } = *self;
         let (w, h) = (local.size.width, local.size.height);
         let wanted = Class::ALL.map(|c| active.iter().any(|&l| Class::of(slots[l].kind) == c));
         for l in (0..slots.len()).filter(|l| !active.contains(l)) {
@@ -99,11 +103,18 @@ impl Level<'_> {
             if distances.reach_edge(x, w, step) {
                 let guides = Guides::<_, true>::new(simd, local, s, wanted, [x, y]);
                 distances.find(&guides, h, step);
-                self.block::<true, _>(simd, (x, y), &distances, &mut weights, (out, out_variance));
+                self.block::<true, _>(simd, (colours, variance), (x, y), &distances, &mut weights, (out, out_variance));
             } else {
                 let guides = Guides::<_, false>::new(simd, local, s, wanted, [x, y]);
                 distances.find(&guides, h, step);
-                self.block::<false, _>(simd, (x, y), &distances, &mut weights, (out, out_variance));
+                self.block::<false, _>(
+                    simd,
+                    (colours, variance),
+                    (x, y),
+                    &distances,
+                    &mut weights,
+                    (out, out_variance),
+                );
             }
         }
     }
@@ -113,6 +124,7 @@ impl Level<'_> {
     fn block<const EDGE: bool, S: Simd>(
         &self,
         simd: S,
+        (colours, variance): (&Rows, &Rows),
         (x, y): (usize, usize),
         distances: &Distances,
         weights: &mut [[f32; BLOCK]],
@@ -121,13 +133,13 @@ impl Level<'_> {
         let w = self.local.size.width;
         for &l in self.active {
             let slot = &self.slots[l];
-            let scale = self.weights::<EDGE, _>(simd, l, (x, y), distances, weights, out_variance);
+            let scale = self.weights::<EDGE, _>(simd, variance, l, (x, y), distances, weights, out_variance);
             for k in slot.first..slot.first + slot.planes {
                 let zero = f32x16::splat(simd, 0.0);
                 let [mut red, mut green, mut blue] = [zero; 3];
                 for ((tap, _), weight) in distances.of(Class::of(slot.kind)).zip(&*weights) {
                     let weight = f32x16::from_slice(simd, weight);
-                    let [r, g, b] = three_rows::<EDGE, _>(simd, self.colours, tap, 3 * k);
+                    let [r, g, b] = three_rows::<EDGE, _>(simd, colours, tap, 3 * k);
                     red += weight * r;
                     green += weight * g;
                     blue += weight * b;
@@ -141,18 +153,20 @@ impl Level<'_> {
 
     /// A light's weights, tap by tap; writes the variance and gives one over the sum of the weights.
     #[inline(always)]
+    #[expect(clippy::too_many_arguments, reason = "what a light's weights are made of")]
     fn weights<const EDGE: bool, S: Simd>(
         &self,
         simd: S,
+        variance: &Rows,
         l: usize,
         (x, y): (usize, usize),
         distances: &Distances,
         weights: &mut [[f32; BLOCK]],
         out_variance: &mut [f32],
     ) -> f32x16<S> {
-        let Self { local, slots, variance, compared, settings: s, .. } = *self;
+        let Self { local, slots, compared, stops, settings: s, .. } = *self;
         let (w, kind, zero) = (local.size.width, slots[l].kind, f32x16::splat(simd, 0.0));
-        let squared = self.stops::<EDGE, _>(simd, l, kind, (x, y));
+        let squared = load::<EDGE, _>(simd, stops.row(y, l), x as isize);
         let mp = load::<EDGE, _>(simd, compared.row(y, 2 * l), x as isize);
         let vp = load::<EDGE, _>(simd, compared.row(y, 2 * l + 1), x as isize);
         let (contrast, most) = (mp * s.least_contrast, vp * s.variance_ratio);
@@ -176,30 +190,38 @@ impl Level<'_> {
         store(sum * (scale * scale), &mut out_variance[l * w..][..w], x);
         scale
     }
+}
 
-    /// The luminance stop squared: from `low` where there is little noise to the light's own where there is much.
-    #[inline(always)]
-    fn stops<const EDGE: bool, S: Simd>(
-        &self,
-        simd: S,
-        l: usize,
-        kind: LightKind,
-        (x, y): (usize, usize),
-    ) -> f32x16<S> {
-        let (s, w) = (self.settings, self.local.size.width);
-        let mut squared = [tolerance(s, kind) * tolerance(s, kind); BLOCK];
-        if Features::can_reflect(kind) {
-            for (i, squared) in squared.iter_mut().enumerate().take(w - x) {
-                if self.local.is_mirror(y * w + x + i) {
-                    *squared = s.mirror * s.mirror;
+/// One row of a channel a light: the luminance stop squared, from `low` where there is little noise to the light's own where there is
+/// much. `compared` is what the first level compares.
+#[inline(always)]
+pub(crate) fn stops_row<S: Simd>(
+    simd: S,
+    local: &LocalFeatures,
+    slots: &[LightSlot],
+    compared: &Rows,
+    s: &Wavelet,
+    y: usize,
+    out: &mut [f32],
+) {
+    let w = local.size.width;
+    for (l, slot) in slots.iter().enumerate() {
+        for x in (0..w).step_by(BLOCK) {
+            let mut squared = [tolerance(s, slot.kind) * tolerance(s, slot.kind); BLOCK];
+            if Features::can_reflect(slot.kind) {
+                for (i, squared) in squared.iter_mut().enumerate().take(w - x) {
+                    if local.is_mirror(y * w + x + i) {
+                        *squared = s.mirror * s.mirror;
+                    }
                 }
             }
+            let squared: f32x16<S> = squared.simd_into(simd);
+            let mean = load::<true, _>(simd, compared.row(y, 2 * l), x as isize);
+            let variance = load::<true, _>(simd, compared.row(y, 2 * l + 1), x as isize);
+            let low = squared.min_precise(f32x16::splat(simd, s.low * s.low));
+            let scale = mean * s.low_noise;
+            let stop = low + (squared - low) * variance / (variance + scale * scale + LEAST_VARIANCE);
+            store(stop, &mut out[l * w..][..w], x);
         }
-        let squared: f32x16<S> = squared.simd_into(simd);
-        let mean = load::<EDGE, _>(simd, self.first.row(y, 2 * l), x as isize);
-        let variance = load::<EDGE, _>(simd, self.first.row(y, 2 * l + 1), x as isize);
-        let low = squared.min_precise(f32x16::splat(simd, s.low * s.low));
-        let scale = mean * s.low_noise;
-        low + (squared - low) * variance / (variance + scale * scale + LEAST_VARIANCE)
     }
 }

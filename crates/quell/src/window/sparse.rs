@@ -1,0 +1,65 @@
+//! Images that hold in most places what is known without them.
+
+use bytemuck::{Pod, bytes_of};
+
+/// Pixels, one after the other, that are kept together.
+const BLOCK: usize = 16;
+/// Stands for a block of which nothing is kept.
+const KNOWN: u32 = u32::MAX;
+
+/// An image of which only those blocks of pixels are kept that hold something else than what is known: of motion in mirrors, than that of
+/// surfaces.
+#[derive(Clone, Debug)]
+pub struct Sparse<T> {
+    /// Of each block where it begins in `values`.
+    blocks: Vec<u32>,
+    values: Vec<T>,
+}
+
+impl<T: Pod> Sparse<T> {
+    /// Keeps what of `value` is not `known`, bit by bit.
+    pub(crate) fn new(pixels: usize, value: impl Fn(usize) -> T, known: impl Fn(usize) -> T) -> Self {
+        let mut sparse = Self { blocks: Vec::with_capacity(pixels.div_ceil(BLOCK)), values: Vec::new() };
+        for first in (0..pixels).step_by(BLOCK) {
+            let mut block = first..(first + BLOCK).min(pixels);
+            if block.clone().any(|p| bytes_of(&value(p)) != bytes_of(&known(p))) {
+                sparse.blocks.push(sparse.values.len() as u32);
+                sparse.values.extend(block.by_ref().map(&value));
+            } else {
+                sparse.blocks.push(KNOWN);
+            }
+        }
+        sparse.values.shrink_to_fit();
+        sparse
+    }
+
+    /// The value at a pixel; `None`: what is known.
+    #[inline(always)]
+    pub fn get(&self, pixel: usize) -> Option<T> {
+        let at = self.blocks[pixel / BLOCK];
+        if at == KNOWN { None } else { Some(self.values[at as usize + pixel % BLOCK]) }
+    }
+
+    /// All values of the first so many pixels.
+    pub(crate) fn dense(&self, pixels: usize, known: impl Fn(usize) -> T) -> Vec<T> {
+        (0..pixels).map(|p| self.get(p).unwrap_or_else(|| known(p))).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_known_takes_no_memory_and_nothing_is_lost() {
+        let known = |p: usize| if p.is_multiple_of(5) { f32::NAN } else { p as f32 };
+        let value = |p: usize| if (40..45).contains(&p) || p == 99 { -1.0 } else { known(p) };
+        let sparse = Sparse::new(100, value, known);
+        assert_eq!(sparse.values.len(), 16 + 4);
+        for (p, found) in sparse.dense(100, known).into_iter().enumerate() {
+            assert_eq!(found.to_bits(), value(p).to_bits(), "{p}");
+        }
+        assert_eq!((sparse.get(39), sparse.get(50)), (Some(39.0), None));
+        assert_eq!(Sparse::new(0, value, known).dense(0, known).len(), 0);
+    }
+}
