@@ -2,7 +2,7 @@
 
 use super::passes;
 use crate::sequence::SequenceStages;
-use crate::stages::{blend, feature_noise, gather, recombine, reflection_motion, stabilise};
+use crate::stages::{blend, feature_noise, gather, recombine, reflection_motion, residual, stabilise};
 
 /// Every stage's `cpu.rs`, under the schedules of `passes/`.
 pub(crate) static STAGES: SequenceStages = SequenceStages {
@@ -11,6 +11,7 @@ pub(crate) static STAGES: SequenceStages = SequenceStages {
     feature_noise: feature_noise::cpu::run,
     variance: passes::variance::run,
     wavelet: passes::wavelet::run,
+    residual: residual::cpu::run,
     sum: recombine::cpu::sum,
     input: recombine::cpu::input,
     likeness: stabilise::likeness::run,

@@ -1,7 +1,9 @@
 //! The sequence filter's stages as their specification has them.
 
 use crate::sequence::SequenceStages;
-use crate::stages::{blend, feature_noise, gather, recombine, reflection_motion, stabilise, variance, wavelet};
+use crate::stages::{
+    blend, feature_noise, gather, recombine, reflection_motion, residual, stabilise, variance, wavelet,
+};
 
 /// Every stage's `reference.rs`.
 pub(crate) static STAGES: SequenceStages = SequenceStages {
@@ -10,6 +12,7 @@ pub(crate) static STAGES: SequenceStages = SequenceStages {
     feature_noise: feature_noise::reference::run,
     variance: variance::reference::run,
     wavelet: wavelet::reference::run,
+    residual: residual::reference::run,
     sum: recombine::reference::sum,
     input: recombine::reference::input,
     likeness: stabilise::reference::likeness,

@@ -318,7 +318,10 @@ impl SequenceDenoiser {
             if let Device::Window(there) = device {
                 let mut job = EstimateJob::new(&window, i - from, s);
                 if there.estimate(&mut job).map_err(|reason| accelerator::failed(accelerator, reason))? {
-                    let (slots, colours, samples) = job.estimated();
+                    let (slots, mut colours, samples) = job.estimated();
+                    if plan.runs(SequenceStage::Residual) {
+                        colours = (stages.residual)(frame, &slots, colours, &s.residual);
+                    }
                     let picture = (stages.sum)(frame, &slots, &colours);
                     let input = (stages.input)(frame, &slots, &colours);
                     return Ok(Estimate { slots, colours, picture, input, samples, likeness: None, signature: None });

@@ -5,7 +5,9 @@
 
 use super::settings::SequenceSettings;
 use crate::reach::{Reach, listing};
-use crate::stages::{blend, feature_noise, gather, recombine, reflection_motion, stabilise, variance, wavelet};
+use crate::stages::{
+    blend, feature_noise, gather, recombine, reflection_motion, residual, stabilise, variance, wavelet,
+};
 
 /// One stage of the sequence filter; its folder in `stages/` has its name, but for the two halves of `recombine`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
@@ -20,6 +22,8 @@ pub enum SequenceStage {
     Variance,
     /// `wavelet`.
     Wavelet,
+    /// `residual`.
+    Residual,
     /// `recombine`: light * weight, added up.
     Sum,
     /// `stabilise`.
@@ -32,12 +36,13 @@ pub enum SequenceStage {
 
 impl SequenceStage {
     /// All stages in order.
-    pub const ALL: [Self; 9] = [
+    pub const ALL: [Self; 10] = [
         Self::ReflectionMotion,
         Self::Gather,
         Self::FeatureNoise,
         Self::Variance,
         Self::Wavelet,
+        Self::Residual,
         Self::Sum,
         Self::Stabilise,
         Self::Blend,
@@ -52,6 +57,7 @@ impl SequenceStage {
             Self::FeatureNoise => "feature_noise",
             Self::Variance => "variance",
             Self::Wavelet => "wavelet",
+            Self::Residual => "residual",
             Self::Sum => "recombine: sum",
             Self::Stabilise => "stabilise",
             Self::Blend => "blend",
@@ -67,6 +73,7 @@ impl SequenceStage {
             Self::FeatureNoise => &["features"],
             Self::Variance => &["means", "moments", "local features", "given variance"],
             Self::Wavelet => &["means", "variance", "local features"],
+            Self::Residual => &["light", "filtered light"],
             Self::Sum => &["light", "filtered light", "weights"],
             Self::Stabilise => {
                 &["pictures around", "coverage around", "features around", "motion", "reflection motion"]
@@ -91,7 +98,7 @@ impl SequenceStage {
             Self::Gather => &["means", "moments"],
             Self::FeatureNoise => &["local features"],
             Self::Variance => &["variance"],
-            Self::Wavelet => &["filtered light"],
+            Self::Wavelet | Self::Residual => &["filtered light"],
             Self::Sum => &["picture", "input"],
             Self::Stabilise => &["steadier picture", "coverage"],
             Self::Blend => &["shares", "expected error"],
@@ -107,6 +114,7 @@ impl SequenceStage {
             Self::FeatureNoise => feature_noise::reach(),
             Self::Variance => variance::reach(&s.variance),
             Self::Wavelet => wavelet::reach(&s.wavelet),
+            Self::Residual => residual::reach(),
             Self::Sum | Self::Rescale => recombine::reach(),
             Self::Stabilise => stabilise::reach(&s.stabilise),
             Self::Blend => blend::reach(),
@@ -117,6 +125,7 @@ impl SequenceStage {
         match self {
             Self::ReflectionMotion => s.gather.frames > 0 || s.stabilise.frames > 0,
             Self::Stabilise => s.stabilise.frames > 0,
+            Self::Residual => s.residual.correct,
             Self::Blend => s.blend.choose,
             _ => true,
         }
@@ -203,12 +212,13 @@ mod tests {
         let mut s = SequenceSettings::default();
         let plan = SequencePlan::new(&s);
         assert_eq!(plan.frames(), 11);
-        // Five levels: 2 * 31 + 5; variance 2, feature noise 2, the windows of stabilise and blend: 10 each, the net of blend: 20; two footprints of 2.
-        assert_eq!(plan.rows(0.0, 100.0), 67 + 2 + 2 + 10 + 10 + 20 + 2 * 2);
+        // Five levels: 2 * 31 + 5; variance 2, feature noise 2, the windows of stabilise and blend: 10 each, the net of blend: 20; residual 56; two footprints of 2.
+        assert_eq!(plan.rows(0.0, 100.0), 67 + 2 + 2 + 10 + 10 + 20 + 56 + 2 * 2);
         assert_eq!(plan.rows(1.5, 100.0), plan.rows(0.0, 100.0) + 12 + 5);
         assert_eq!(plan.rows(1000.0, 30.0), plan.rows(0.0, 100.0) + 30 + 30);
         s.stabilise.frames = 0;
         s.blend.choose = false;
+        s.residual.correct = false;
         s.wavelet.levels = 0;
         s.wavelet.transmission_levels = 1;
         let plan = SequencePlan::new(&s);

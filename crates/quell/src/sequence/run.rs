@@ -34,6 +34,7 @@ pub(crate) struct SequenceStages {
     pub feature_noise: fn(&Features) -> LocalFeatures,
     pub variance: fn(&LocalFeatures, &Gathered, &GivenVariance, &Variance, &Wavelet) -> Rows,
     pub wavelet: fn(&LocalFeatures, &[LightSlot], Rows, Rows, &Wavelet) -> Rows,
+    pub residual: fn(&PreparedFrame, &[LightSlot], Rows, &settings::Residual) -> Rows,
     pub sum: fn(&PreparedFrame, &[LightSlot], &Rows) -> Plane<Rgb>,
     pub input: fn(&PreparedFrame, &[LightSlot], &Rows) -> Plane<Rgb>,
     pub likeness: fn(&Plane<Rgb>, &Plane<Rgb>, &Stabilise) -> Likeness,
@@ -139,8 +140,8 @@ pub(crate) fn estimate(
 
 /// True for the stages of [`estimate`]. A stage is timed where it runs alone: its calls are counted.
 fn within_window(stage: SequenceStage) -> bool {
-    use SequenceStage::{FeatureNoise, Gather, Sum, Variance, Wavelet};
-    matches!(stage, Gather | FeatureNoise | Variance | Wavelet | Sum)
+    use SequenceStage::{FeatureNoise, Gather, Residual, Sum, Variance, Wavelet};
+    matches!(stage, Gather | FeatureNoise | Variance | Wavelet | Residual | Sum)
 }
 
 impl Work<'_> {
@@ -169,6 +170,10 @@ impl Work<'_> {
                         .map_err(|reason| accelerator::failed(accelerator, reason))?,
                 };
                 self.local = None;
+            }
+            (SequenceStage::Residual, _) => {
+                let colours = std::mem::replace(&mut self.gathered.colours, Rows::empty());
+                self.gathered.colours = (self.stages.residual)(frame, &self.gathered.slots, colours, &s.residual);
             }
             (SequenceStage::Sum, _) => {
                 let (slots, colours) = (&self.gathered.slots, &self.gathered.colours);

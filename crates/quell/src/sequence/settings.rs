@@ -154,6 +154,15 @@ parameters! {
         albedo: f32 = 0.15, 0.01..=16.0, "", "Tolerance of the surface's colour where a beauty could not be divided.",
             higher "Textures blur.", lower "Noisier.", source "ours";
     }
+    /// What the filtered light misses of the frame's own samples, smoothed.
+    residual: Residual {
+        correct: bool = true, (), "", "Light that changes slowly over the picture is corrected by the frame's own samples.",
+            higher "A lamp that is switched neither comes early nor leaves late.", lower "Frames around leave their light.", source "ours: docs/sequence.md; shrinkage: James and Stein 1961";
+        noise: f32 = 0.1, 0.0..=16.0, "of the light", "Deviation of the frame's samples from the filtered light at which half is corrected: with less noise every stage sees itself that light changed.",
+            higher "Only strong noise is corrected.", lower "Shapes that the filter missed are corrected, and leak to what is beside them.", source "ours: docs/sequence.md";
+        sure: f32 = 6.0, 0.0..=1000.0, "times its variance", "The squared residual below which nothing is corrected.",
+            higher "Less is corrected.", lower "Low frequencies of the frame's noise come back.", source "ours: docs/sequence.md";
+    }
     /// Each picture averaged with its neighbours in time, and with the pixels around that show the same.
     stabilise: Stabilise {
         net: bool = true, (), "", "A small net trained on rendered sequences says by what pixels of this frame and of its neighbours must agree to be averaged.",

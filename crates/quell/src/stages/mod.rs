@@ -5,7 +5,7 @@
 //! | filter | its stages, in order |
 //! |---|---|
 //! | real-time ([`crate::pipeline`]) | `matte_temporal`, `young_filter`, `matte_prefilter`, `disocclusion`, `firefly`, `matte_bilateral`, `glossy_temporal`, `young_filter`, `glossy_bilateral`, `direct_taa`, `composite` |
-//! | sequences ([`crate::sequence`]) | `reflection_motion`, `gather`, `feature_noise`, `variance`, `wavelet`, `recombine` (sum), `stabilise`, `blend`, `recombine` (rescale) |
+//! | sequences ([`crate::sequence`]) | `reflection_motion`, `gather`, `feature_noise`, `variance`, `wavelet`, `residual`, `recombine` (sum), `stabilise`, `blend`, `recombine` (rescale) |
 //!
 //! Sources in the tables: \[S] the talk's slides, \[A] the abstract, \[E] the authors' engine and later work, \[I] inferred, \[O] open, so ours;
 //! more in `docs/paper.md`.
@@ -41,6 +41,10 @@ pub(crate) mod recombine;
 pub mod reflection_motion;
 #[cfg(not(feature = "internals"))]
 pub(crate) mod reflection_motion;
+#[cfg(feature = "internals")]
+pub mod residual;
+#[cfg(not(feature = "internals"))]
+pub(crate) mod residual;
 #[cfg(feature = "internals")]
 pub mod stabilise;
 #[cfg(not(feature = "internals"))]
