@@ -370,7 +370,7 @@ fn bands_of_rows_give_the_bits_of_the_whole() {
     let Some(gpu) = gpu() else { return };
     let host = Host::new(gpu);
     let settings = settings(&[("wavelet.levels", "2"), ("wavelet.transmission_levels", "1")]);
-    let size = Size::new(20, 110);
+    let size = Size::new(20, 168);
     let frames: Vec<SequenceFrame> = (0..4).map(|t| scene(size, t)).collect();
     let whole = run(&settings, frames.clone(), Some(&host));
     let mut prepared: Vec<PreparedFrame> =
@@ -387,7 +387,7 @@ fn bands_of_rows_give_the_bits_of_the_whole() {
             (frame.spool(&mut file).unwrap(), file)
         })
         .collect();
-    let (from, to): (usize, usize) = (90, 100);
+    let (from, to): (usize, usize) = (148, 158);
     let first = from - margin;
     assert!(first > 0, "{margin}");
     let mut denoiser = SequenceDenoiser::with_accelerator(settings, Arc::new(host.clone())).unwrap();
