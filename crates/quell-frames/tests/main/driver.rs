@@ -331,7 +331,7 @@ struct Tall(Case);
 impl Tall {
     fn new(name: &str) -> Self {
         let case = Case { folder: Folder::new(&format!("driver-{name}")), events: Mutex::default() };
-        (1..=FRAMES).for_each(|number| make_of(&case.folder.file("in"), number, Size::new(24, 160)));
+        (1..=FRAMES).for_each(|number| make_of(&case.folder.file("in"), number, Size::new(24, 400)));
         Self(case)
     }
 
