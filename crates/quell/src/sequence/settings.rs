@@ -160,6 +160,8 @@ parameters! {
             higher "A lamp that is switched neither comes early nor leaves late.", lower "Frames around leave their light.", source "ours: docs/sequence.md; shrinkage: James and Stein 1961";
         noise: f32 = 0.1, 0.0..=16.0, "of the light", "Deviation of the frame's samples from the filtered light at which half is corrected: with less noise every stage sees itself that light changed.",
             higher "Only strong noise is corrected.", lower "Shapes that the filter missed are corrected, and leak to what is beside them.", source "ours: docs/sequence.md";
+        most: f32 = 2.0, 1.0..=100.0, "times", "A level changes light by at most this factor, up or down.",
+            higher "Light that is far too bright or too dark is corrected at once.", lower "1: nothing is corrected.", source "ours";
         sure: f32 = 6.0, 0.0..=1000.0, "times its variance", "The squared residual below which nothing is corrected.",
             higher "Less is corrected.", lower "Low frequencies of the frame's noise come back.", source "ours: docs/sequence.md";
     }

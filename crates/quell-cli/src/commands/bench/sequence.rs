@@ -273,6 +273,8 @@ fn bytes_per_pixel(stage: &str, around: usize, levels: usize) -> Option<usize> {
         "feature_noise" => surface + seen + local,
         "variance" => 24 * PLANES + local,
         "wavelet" => levels * (2 * 16 * PLANES + local),
+        // Each of three levels reads light as it came and filtered, and writes the latter.
+        "residual" => 3 * (6 + 12 + 12) * PLANES,
         "recombine: sum" => 12 * PLANES + 6 * PLANES + 18 + 24,
         "stabilise: signature" => 12 + seen + 48,
         "stabilise" => 7 * (12 + 48 + motion + 4) + 12,

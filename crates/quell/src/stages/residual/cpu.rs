@@ -1,6 +1,6 @@
 //! The residual's means over cells, row by row on all threads: the fast twin of [`super::reference`].
 
-use super::{CHANGE, LEAST, LEVELS, between, cells, squares, triangle};
+use super::{LEAST, LEVELS, between, cells, change, squares, triangle};
 use crate::par;
 use crate::plane::Size;
 use crate::sequence::settings::Residual;
@@ -22,8 +22,14 @@ pub(crate) fn run(frame: &PreparedFrame, slots: &[LightSlot], mut colours: Rows,
             }
         });
         for (cell, radius) in LEVELS {
-            let level =
-                Level { first: frame.features.first_row, cell, kernel: triangle(radius), sure: s.sure, noise: s.noise };
+            let level = Level {
+                first: frame.features.first_row,
+                cell,
+                kernel: triangle(radius),
+                sure: s.sure,
+                noise: s.noise,
+                change: change(s),
+            };
             let changes = level.changes(&own, &colours, slot);
             level.apply(&own, &mut colours, slot, &changes);
         }
@@ -41,6 +47,7 @@ struct Level {
     kernel: Vec<f32>,
     sure: f32,
     noise: f32,
+    change: [f32; 2],
 }
 
 impl Level {
@@ -119,7 +126,7 @@ impl Level {
             let share = if noise.is_finite() { noise / (noise + self.noise * self.noise + LEAST) } else { 0.0 };
             let kept = kept * share;
             for c in 0..3 {
-                out[c * w + x] = (ratio[c] * kept).clamp(CHANGE[0], CHANGE[1]);
+                out[c * w + x] = (ratio[c] * kept).max(self.change[0]).min(self.change[1]);
             }
         }
     }

@@ -22,13 +22,17 @@ pub(crate) mod cpu;
 pub mod reference;
 
 use crate::reach::Reach;
+use crate::sequence::settings::Residual;
 
-/// Side of a cell in pixels, and half the side of the triangle in pairs of cells: it reaches twice as many.
+/// Of each level, from coarse to fine, the side of a cell in pixels, and the radius r in cells of the box that gives the triangle when it is
+/// applied twice: the triangle reaches 2 r cells to each side.
 pub(crate) const LEVELS: [(usize, usize); 3] = [(4, 3), (2, 3), (2, 1)];
 /// Keeps quotients finite where light is black.
 pub(crate) const LEAST: f32 = 1e-12;
-/// A level changes light by no less and no more than this.
-pub(crate) const CHANGE: [f32; 2] = [-0.5, 1.0];
+/// What a level changes light by at the least and at the most, as a share of it.
+pub(crate) fn change(s: &Residual) -> [f32; 2] {
+    [1.0 / s.most - 1.0, s.most - 1.0]
+}
 
 /// How far the stage looks.
 pub(crate) fn reach() -> Reach {
@@ -63,4 +67,75 @@ pub(crate) fn between(first: usize, at: usize, cell: usize, cells: usize) -> (us
     let (before, rest) = ((twice - cell) / (2 * cell), (twice - cell) % (2 * cell));
     let last = cells - 1;
     (before.min(last), (before + 1).min(last), rest as f32 / (2 * cell) as f32)
+}
+
+#[cfg(all(test, feature = "cpu"))]
+mod tests {
+    use super::*;
+    use crate::plane::{Plane, Size};
+    use crate::sequence::{Light, LightKind, SequenceFrame, SequenceSettings};
+    use crate::window::{PreparedFrame, Rows};
+
+    /// A ramp over cells comes back as a ramp over pixels, whatever row the image begins with; so do bands of a picture alike.
+    #[test]
+    fn cells_lie_where_the_picture_has_them() {
+        for (cell, first) in [1, 2, 4].into_iter().flat_map(|cell| (0..9).map(move |first| (cell, first))) {
+            let number = cells(first, 30, cell);
+            let middle = |k: usize| ((first / cell + k) * cell) as f32 + cell as f32 / 2.0;
+            for at in cell..30 - cell {
+                let (a, b, t) = between(first, at, cell, number);
+                let value = middle(a) + (middle(b) - middle(a)) * t;
+                assert_eq!(value, (first + at) as f32 + 0.5, "{cell} {first} {at}");
+            }
+        }
+    }
+
+    #[test]
+    fn the_triangle_is_a_mean() {
+        for (_, radius) in LEVELS {
+            let kernel = triangle(radius);
+            assert!((kernel[0] + 2.0 * kernel[1..].iter().sum::<f32>() - 1.0).abs() < 1e-6);
+        }
+    }
+
+    /// Samples of 0 or 2 by chance, mean 1, filtered to `filtered`; the last four columns came out as they went in. The corrected light.
+    fn corrected(filtered: f32) -> Rows {
+        let size = Size::new(96, 64);
+        let mut state = 7u32;
+        let own = Plane::from_fn(size, |_, _| {
+            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            [if state >> 31 == 0 { 0.0 } else { 2.0 }; 3]
+        });
+        let mut colours = Rows::new(size, 3);
+        for (x, y, c) in (0..64).flat_map(|y| (0..96).flat_map(move |x| (0..3).map(move |c| (x, y, c)))) {
+            colours.set(x, y, c, if x < 92 { filtered } else { own.at(x, y)[c] });
+        }
+        let mut frame = SequenceFrame::new(0, size);
+        frame.lights.push(Light::new("diffuse", LightKind::MatteDirect, own));
+        let settings = SequenceSettings::default();
+        let frame = PreparedFrame::new(frame, &settings).unwrap();
+        let before = colours.clone();
+        let after = cpu::run(&frame, &frame.slots, colours, &settings.residual);
+        for (x, y) in (0..64).flat_map(|y| (92..96).map(move |x| (x, y))) {
+            assert_eq!(after.colour(x, y, 0), before.colour(x, y, 0), "{x}, {y}");
+        }
+        after
+    }
+
+    fn mean(rows: &Rows, of: impl Fn(f32) -> f32) -> f32 {
+        (0..64).flat_map(|y| (0..88).map(move |x| (x, y))).map(|(x, y)| of(rows.at(x, y, 1))).sum::<f32>()
+            / (64.0 * 88.0)
+    }
+
+    /// Light of other times, a third too bright or too dark, goes; light that is right stays, and gets next to no noise.
+    #[test]
+    fn a_bias_goes_and_what_is_right_stays() {
+        for filtered in [1.35, 0.7] {
+            let after = mean(&corrected(filtered), |v| v);
+            assert!((after - 1.0).abs() < 0.3 * (filtered - 1.0).abs(), "{filtered}: {after}");
+        }
+        let right = corrected(1.0);
+        assert!((mean(&right, |v| v) - 1.0).abs() < 0.01);
+        assert!(mean(&right, |v| (v - 1.0).powi(2)).sqrt() < 0.05);
+    }
 }

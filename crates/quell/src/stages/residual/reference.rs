@@ -1,11 +1,12 @@
 //! The specification of `residual`.
 
-use super::{CHANGE, LEAST, LEVELS, between, cells, squares, triangle};
+use super::{LEAST, LEVELS, between, cells, change, squares, triangle};
 use crate::sequence::settings::Residual;
 use crate::stages::recombine::raw;
 use crate::window::{LightSlot, PreparedFrame, Rows, Samples};
 
-/// The filtered light of `frame`, corrected, on the whole image or band.
+/// The filtered light of `frame` (`colours`: three channels a colour plane of `slots`, in the units of the light as it came: divided by the
+/// surface's colour), corrected, on the whole image or band. Light that is noise-free comes out as it went in.
 pub fn run(frame: &PreparedFrame, slots: &[LightSlot], mut colours: Rows, s: &Residual) -> Rows {
     let noisy = |slot: &&LightSlot| matches!(frame.stored[slot.light], Samples::Black | Samples::Packed(_));
     for slot in slots.iter().filter(noisy) {
@@ -33,6 +34,7 @@ fn level(frame: &PreparedFrame, slot: &LightSlot, colours: &mut Rows, (cell, rad
         }
     }
     // What a cell is multiplied by, less 1.
+    let [least_change, most_change] = change(s);
     let kernel = triangle(radius);
     let near = |v: usize, limit: usize| v.saturating_sub(2 * radius)..(v + 2 * radius + 1).min(limit);
     let changes: Vec<[f64; 3]> = (0..across * down)
@@ -58,7 +60,7 @@ fn level(frame: &PreparedFrame, slot: &LightSlot, colours: &mut Rows, (cell, rad
                 .map(|[light, _, squared]| (cell * cell) as f64 * squared / (light + least).powi(2) / 3.0)
                 .sum();
             let kept = kept * noise / (noise + f64::from(s.noise).powi(2) + least);
-            ratio.map(|r| (r * kept).clamp(f64::from(CHANGE[0]), f64::from(CHANGE[1])))
+            ratio.map(|r| (r * kept).max(f64::from(least_change)).min(f64::from(most_change)))
         })
         .collect();
     for (x, y) in (0..h).flat_map(|y| (0..w).map(move |x| (x, y))) {
