@@ -10,6 +10,10 @@ use quell::settings::ABLATIONS;
 pub enum Pane {
     /// As traced.
     Noisy,
+    /// By the edge-avoiding a-trous wavelet (Dammertz et al. 2010).
+    Atrous,
+    /// By spatiotemporal variance-guided filtering (Schied et al. 2017).
+    Svgf,
     /// Denoised.
     Quell,
     /// The mean of all frames since something last moved: converges to the reference.
@@ -20,12 +24,14 @@ pub enum Pane {
 
 impl Pane {
     /// All of them.
-    pub const ALL: [Self; 4] = [Self::Noisy, Self::Quell, Self::Converged, Self::Debug];
+    pub const ALL: [Self; 6] = [Self::Noisy, Self::Atrous, Self::Svgf, Self::Quell, Self::Converged, Self::Debug];
 
     /// As a user reads it.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Noisy => "noisy",
+            Self::Atrous => "a-trous",
+            Self::Svgf => "SVGF",
             Self::Quell => "quell",
             Self::Converged => "converged",
             Self::Debug => "debug",
@@ -39,6 +45,8 @@ impl Pane {
             Self::Quell => 1,
             Self::Converged => 2,
             Self::Debug => 3,
+            Self::Atrous => 4,
+            Self::Svgf => 5,
         }
     }
 }
@@ -110,7 +118,7 @@ pub struct Choice {
     pub tracing: Tracing,
     /// Multiplies light before the tone curve, in stops beside the scene's own exposure.
     pub stops: f32,
-    /// Pictures from left to right, 1 to 4.
+    /// Pictures from left to right, 1 to 6.
     pub panes: Vec<Pane>,
     /// Where the panes meet, as shares of the width; one fewer than panes count.
     pub splits: Vec<f32>,
@@ -179,13 +187,13 @@ mod tests {
         choice.tidy();
         assert_eq!((choice.panes.as_slice(), choice.splits.len()), (&[Pane::Quell][..], 0));
         choice.panes = Pane::ALL.to_vec();
-        choice.splits = vec![0.9, 0.1, 7.0];
+        choice.splits = vec![0.9, 0.1, 7.0, 0.2, 0.3];
         choice.tracing.paths = 0;
         choice.tidy();
-        assert_eq!(choice.splits, [0.9, 0.9, 1.0]);
+        assert_eq!(choice.splits, [0.9, 0.9, 1.0, 1.0, 1.0]);
         assert_eq!(choice.tracing.paths, 1);
         assert_eq!(choice.pane_at(0.5), Pane::Noisy);
-        assert_eq!(choice.pane_at(0.95), Pane::Converged);
+        assert_eq!(choice.pane_at(0.95), Pane::Svgf);
     }
 
     #[test]

@@ -1,5 +1,6 @@
 //! Pictures for a screen, and the mean of all frames since something last moved.
 
+use crate::baselines::Filtered;
 use crate::choice::{Choice, Pane};
 use bytemuck::{Pod, Zeroable, bytes_of};
 use quell::Size;
@@ -12,8 +13,8 @@ struct Uniform {
     size: [u32; 2],
     frames: u32,
     panes: u32,
-    kinds: [u32; 4],
-    edges: [f32; 4],
+    kinds: [u32; 8],
+    edges: [f32; 8],
     exposure: f32,
     pad: [f32; 3],
 }
@@ -97,14 +98,16 @@ impl Display {
         Self { accumulate: pipeline("accumulate"), show: pipeline("show") }
     }
 
-    /// Adds the frame to the mean, and makes the picture. `begins_anew`: the mean is this frame alone.
+    /// Adds the frame to the mean, and makes the picture. `begins_anew`: the mean is this frame alone. `denoised`: the sum, and
+    /// its direct light.
     #[expect(clippy::too_many_arguments, reason = "all of a frame")]
     pub(crate) fn encode(
         &self,
         device: &wgpu::Device,
         encoder: &mut wgpu::CommandEncoder,
         planes: &Planes,
-        denoised: &wgpu::TextureView,
+        denoised: [&wgpu::TextureView; 2],
+        baselines: &Filtered<'_>,
         pictures: &mut Pictures,
         choice: &Choice,
         exposure: f32,
@@ -116,7 +119,7 @@ impl Display {
         let mut uniform = Uniform {
             size: [size.width as u32, size.height as u32],
             frames: pictures.frames,
-            panes: choice.panes.len().clamp(1, 4) as u32,
+            panes: choice.panes.len().clamp(1, Pane::ALL.len()) as u32,
             exposure,
             ..Uniform::zeroed()
         };
@@ -146,7 +149,20 @@ impl Display {
             (4, &planes.matte_weight),
             (5, &planes.glossy_weight),
         ];
-        let shown = [(8, after), (9, denoised), (10, &pictures.debug), (11, &pictures.picture)];
+        // What no pane shows is bound all the same, in the place of a baseline that did not run.
+        let [atrous_matte, atrous_glossy] = filtered(baselines.atrous, planes);
+        let [svgf_matte, svgf_glossy] = filtered(baselines.svgf, planes);
+        let shown = [
+            (8, after),
+            (9, denoised[0]),
+            (10, &pictures.debug),
+            (11, &pictures.picture),
+            (12, denoised[1]),
+            (13, atrous_matte),
+            (14, atrous_glossy),
+            (15, svgf_matte),
+            (16, svgf_glossy),
+        ];
         let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
             label: Some("display"),
             timestamp_writes: writes(stamp),
@@ -171,4 +187,9 @@ impl Display {
         drop(pass);
         pictures.turn = 1 - pictures.turn;
     }
+}
+
+/// Light that a baseline filtered; as traced where it did not run.
+fn filtered<'a>(pair: Option<&'a [wgpu::TextureView; 2]>, planes: &'a Planes) -> [&'a wgpu::TextureView; 2] {
+    pair.map_or([&planes.matte, &planes.glossy], |[matte, glossy]| [matte, glossy])
 }

@@ -5,9 +5,10 @@ struct Display {
     // Frames in the mean, this one included.
     frames: u32,
     panes: u32,
-    kinds: vec4u,
+    // Of up to 8 panes, four a vector.
+    kinds: array<vec4u, 2>,
     // Columns where a pane ends.
-    edges: vec4f,
+    edges: array<vec4f, 2>,
     exposure: f32,
     pad0: f32,
     pad1: f32,
@@ -17,6 +18,8 @@ struct Display {
 const NOISY: u32 = 0u;
 const QUELL: u32 = 1u;
 const CONVERGED: u32 = 2u;
+const ATROUS: u32 = 4u;
+const SVGF: u32 = 5u;
 
 // Twins of quell_lab::tone.
 const SHOULDER_START: f32 = 0.3;
@@ -34,16 +37,26 @@ const DESATURATION: f32 = 0.4;
 @group(0) @binding(9) var denoised: texture_2d<f32>;
 @group(0) @binding(10) var debug: texture_2d<f32>;
 @group(0) @binding(11) var picture: texture_storage_2d<rgba8unorm, write>;
+// Direct light as the denoiser's last stage leaves it: of all that is denoised.
+@group(0) @binding(12) var smooth_direct: texture_2d<f32>;
+@group(0) @binding(13) var atrous_matte: texture_2d<f32>;
+@group(0) @binding(14) var atrous_glossy: texture_2d<f32>;
+@group(0) @binding(15) var svgf_matte: texture_2d<f32>;
+@group(0) @binding(16) var svgf_glossy: texture_2d<f32>;
 
 // WGSL promises nothing of infinities and NaN: what is not held by the bounds counts as 0.
 fn held(c: vec3f) -> vec3f {
     return select(vec3f(), c, abs(c) <= vec3f(1e30));
 }
 
+fn sum_at(at: vec2u, direct_light: vec3f, matte_light: vec3f, glossy_light: vec3f) -> vec3f {
+    let m = matte_light * textureLoad(matte_weight, at, 0).xyz;
+    let g = glossy_light * textureLoad(glossy_weight, at, 0).xyz;
+    return held(direct_light + m + g);
+}
+
 fn noisy_at(at: vec2u) -> vec3f {
-    let m = textureLoad(matte, at, 0).xyz * textureLoad(matte_weight, at, 0).xyz;
-    let g = textureLoad(glossy, at, 0).xyz * textureLoad(glossy_weight, at, 0).xyz;
-    return held(textureLoad(direct, at, 0).xyz + m + g);
+    return sum_at(at, textureLoad(direct, at, 0).xyz, textureLoad(matte, at, 0).xyz, textureLoad(glossy, at, 0).xyz);
 }
 
 @compute @workgroup_size(8, 8)
@@ -84,10 +97,11 @@ fn show(@builtin(global_invocation_id) id: vec3u) {
     }
     var pane = 0u;
     for (var i = 0u; i + 1u < display.panes; i++) {
-        pane += select(0u, 1u, f32(id.x) + 0.5 >= display.edges[i]);
+        pane += select(0u, 1u, f32(id.x) + 0.5 >= display.edges[i / 4u][i % 4u]);
     }
     var shown: vec3f;
-    switch display.kinds[pane] {
+    let smooth_light = textureLoad(smooth_direct, id.xy, 0).xyz;
+    switch display.kinds[pane / 4u][pane % 4u] {
         case NOISY: {
             shown = srgb(display_linear(noisy_at(id.xy)));
         }
@@ -96,6 +110,16 @@ fn show(@builtin(global_invocation_id) id: vec3u) {
         }
         case CONVERGED: {
             shown = srgb(display_linear(textureLoad(mean, id.xy, 0).xyz));
+        }
+        case ATROUS: {
+            let matte_light = textureLoad(atrous_matte, id.xy, 0).xyz;
+            let light = sum_at(id.xy, smooth_light, matte_light, textureLoad(atrous_glossy, id.xy, 0).xyz);
+            shown = srgb(display_linear(light));
+        }
+        case SVGF: {
+            let matte_light = textureLoad(svgf_matte, id.xy, 0).xyz;
+            let light = sum_at(id.xy, smooth_light, matte_light, textureLoad(svgf_glossy, id.xy, 0).xyz);
+            shown = srgb(display_linear(light));
         }
         default: {
             shown = textureLoad(debug, id.xy, 0).xyz;

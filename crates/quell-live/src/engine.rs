@@ -1,6 +1,7 @@
 //! Scene, tracer, denoiser and pictures on one device. A frame is encoded into the caller's encoder: traced, denoised, shown;
 //! nothing is read back.
 
+use crate::baselines::{Baselines, Wanted};
 use crate::choice::{Choice, DEBUG_VIEWS, Pane, Tracing};
 use crate::clock::{Clock, Times};
 use crate::display::{Display, Pictures, writes};
@@ -50,6 +51,7 @@ pub struct Engine {
     stage: Option<Stage>,
     denoiser: gpu::Denoiser,
     debug: Option<DebugViews>,
+    baselines: Baselines,
     display: Display,
     planes: Planes,
     pictures: Pictures,
@@ -84,6 +86,7 @@ impl Engine {
         Ok(Self {
             denoiser: gpu::Denoiser::new(device, size, &options)?,
             debug: None,
+            baselines: Baselines::new(device),
             display: Display::new(device),
             planes: Planes::new(device, size),
             pictures: Pictures::new(device, size),
@@ -108,8 +111,7 @@ impl Engine {
     /// Shows another scene, which was made for the same device.
     pub fn set_stage(&mut self, stage: Stage) {
         self.stage = Some(stage);
-        self.last = None;
-        self.denoiser.reset();
+        self.reset();
     }
 
     /// What is shown.
@@ -139,6 +141,7 @@ impl Engine {
         self.denoiser.resize(&self.device, size)?;
         self.planes = Planes::new(&self.device, size);
         self.pictures = Pictures::new(&self.device, size);
+        self.baselines.reset();
         self.last = None;
         Ok(())
     }
@@ -146,6 +149,7 @@ impl Engine {
     /// Forgets history: as a cut does.
     pub fn reset(&mut self) {
         self.denoiser.reset();
+        self.baselines.reset();
         self.last = None;
     }
 
@@ -164,12 +168,12 @@ impl Engine {
         &self.planes
     }
 
-    /// Device memory in bytes: of the scene, of the denoiser, of planes and pictures.
+    /// Device memory in bytes: of the scene, of the denoiser, of planes, pictures and the baselines that are shown.
     pub fn memory(&self) -> [(&'static str, u64); 3] {
         let scene = self.stage.iter().flat_map(Stage::memory).map(|(_, bytes)| bytes).sum();
         let memory = self.denoiser.memory();
-        let pixels = self.size().pixels() as u64;
-        [("scene", scene), ("denoiser", memory.persistent + memory.transient), ("pictures", pixels * PICTURE_BYTES)]
+        let pictures = self.size().pixels() as u64 * PICTURE_BYTES + self.baselines.memory();
+        [("scene", scene), ("denoiser", memory.persistent + memory.transient), ("pictures", pictures)]
     }
 
     /// How tracing goes at this extent.
@@ -203,6 +207,8 @@ impl Engine {
         camera.jitter = if tracing.jitter { jitter_of(number) } else { [0.0; 2] };
         let previous_camera = self.last.map_or(camera, |last| last.view.camera);
         let view = View { camera, previous_camera, number };
+        let unusable = LiveError::Camera("its matrix cannot be inverted");
+        let views = view.camera.projection(size).zip(view.previous_camera.projection(size)).ok_or(unusable)?;
         // What a pass borrows outlives it here. Bands have passes of the same names: their times are added up.
         let stamps: Vec<std::cell::OnceCell<_>> = (0..MOST_STAMPS).map(|_| std::cell::OnceCell::new()).collect();
         let clock = &mut self.clock;
@@ -230,6 +236,12 @@ impl Engine {
                 drop(drawn);
             }
         }
+        let wanted = Wanted { atrous: choice.panes.contains(&Pane::Atrous), svgf: choice.panes.contains(&Pane::Svgf) };
+        let direct = output.direct.as_ref().unwrap_or(&self.planes.direct);
+        let clock = &mut self.clock;
+        let baselines = self.baselines.encode(encoder, &self.planes, [&views.0, &views.1], number, wanted, |name| {
+            clock.as_mut().and_then(|clock| clock.next(name))
+        });
         let exposure = stage.scene().exposure * choice.stops.clamp(-20.0, 20.0).exp2();
         let stands =
             |last: Last| last.sight.camera == sight.camera && last.sight.time == sight.time && last.tracing == tracing;
@@ -239,7 +251,8 @@ impl Engine {
             &self.device,
             encoder,
             &self.planes,
-            denoised,
+            [denoised, direct],
+            &baselines,
             &mut self.pictures,
             choice,
             exposure,

@@ -2,6 +2,7 @@
 //!
 //! ```text
 //! engine.rs   scene, tracer, denoiser and pictures on one device: a frame encoded, nothing read back
+//! baselines/  the a-trous wavelet and SVGF, while a pane shows them
 //! display.rs  the noisy sum, the mean of all frames while nothing moves, and the picture that is shown (display.wgsl)
 //! stage.rs    a scene, checked, made ready and uploaded, on any thread; lamps that can be switched
 //! pilot.rs    cameras: the scene's own, orbit, fly
@@ -14,6 +15,7 @@
 //!
 //! The engine is a host like any other: docs/integrating.md says what it has to know of quell, docs/live.md how to run it.
 
+mod baselines;
 mod choice;
 mod clock;
 mod display;
