@@ -18,6 +18,12 @@ strict=(-Wall -Wextra -Wpedantic -Wconversion -Werror "-I$folder/prefix/include"
 echo '#include <quell.h>' > "$folder/header.c"
 cc -std=c11 "${strict[@]}" -fsyntax-only "$folder/header.c"
 c++ -std=c++17 "${strict[@]}" -fsyntax-only -x c++ "$folder/header.c"
+# What the shared library exports is what the header declares (tests/header.rs compares the types).
+if command -v nm >/dev/null; then
+    nm -D --defined-only "$folder/prefix/lib/libquell.so" | awk '$3 ~ /^quell_/ { print $3 }' | sort > "$folder/exported"
+    sed -n 's/^[a-z].*[ *]\(quell_[a-z_]*\)(.*);$/\1/p' "$folder/prefix/include/quell.h" | sort > "$folder/declared"
+    diff "$folder/declared" "$folder/exported"
+fi
 
 check=()
 if command -v valgrind >/dev/null; then

@@ -1,10 +1,17 @@
 //! Loops over rows, on all threads of the current rayon pool where the feature `threads` is on. What a row computes
 //! never depends on which thread computes it.
+//!
+//! What a row computes is called through a pointer: rayon's loops are compiled once for a type of elements, not for each of the
+//! hundred callers, which made the crate's machine code a fifth larger. A row is long, a call short.
 
 use crate::plane::{Plane, Size};
 
 /// Calls `f(y, row)` for every row of `data`, rows `width` elements long.
 pub(crate) fn rows<T: Send>(data: &mut [T], width: usize, f: impl Fn(usize, &mut [T]) + Sync + Send) {
+    each_row(data, width, &f);
+}
+
+fn each_row<T: Send>(data: &mut [T], width: usize, f: &(dyn Fn(usize, &mut [T]) + Sync)) {
     #[cfg(feature = "threads")]
     {
         use rayon::prelude::*;
@@ -34,7 +41,14 @@ pub(crate) fn two_rows<A: Send, B: Send>(
     b_width: usize,
     f: impl Fn(usize, &mut [A], &mut [B]) + Sync + Send,
 ) {
-    let (a_width, b_width) = (a_width.max(1), b_width.max(1));
+    each_pair(a, a_width.max(1), b, b_width.max(1), &f);
+}
+
+#[cfg(feature = "cpu")]
+type OfPair<'f, A, B> = &'f (dyn Fn(usize, &mut [A], &mut [B]) + Sync);
+
+#[cfg(feature = "cpu")]
+fn each_pair<A: Send, B: Send>(a: &mut [A], a_width: usize, b: &mut [B], b_width: usize, f: OfPair<'_, A, B>) {
     #[cfg(feature = "threads")]
     {
         use rayon::prelude::*;

@@ -7,23 +7,24 @@ pub(crate) fn zip2<A: Send, B: Send>(
     strides: [usize; 2],
     f: impl Fn(usize, &mut [A], &mut [B]) + Sync + Send,
 ) {
-    #[cfg(feature = "threads")]
-    {
-        use rayon::prelude::*;
-        let rows = a.par_chunks_mut(strides[0]).zip(b.par_chunks_mut(strides[1]));
-        rows.enumerate().for_each(|(y, (a, b))| f(y, a, b));
-    }
-    #[cfg(not(feature = "threads"))]
-    a.chunks_mut(strides[0]).zip(b.chunks_mut(strides[1])).enumerate().for_each(|(y, (a, b))| f(y, a, b));
+    crate::par::two_rows(a, strides[0], b, strides[1], f);
 }
 
 /// Calls `f(k, rows, also)` for the k-th band of each image: `strides` elements of it, the fourth's also of `also`.
 pub(crate) fn bands(
-    [a, b, c, d]: [&mut [f32]; 4],
+    images: [&mut [f32]; 4],
     strides: [usize; 4],
     also: Option<&mut [f32]>,
     f: impl Fn(usize, [&mut [f32]; 4], Option<&mut [f32]>) + Sync + Send,
 ) {
+    each_band(images, strides, also, &f);
+}
+
+/// Of the k-th band: its number, the images' rows, those of the fifth.
+type OfBand<'f> = &'f (dyn Fn(usize, [&mut [f32]; 4], Option<&mut [f32]>) + Sync);
+
+/// Compiled once, as what is in `par.rs`.
+fn each_band([a, b, c, d]: [&mut [f32]; 4], strides: [usize; 4], also: Option<&mut [f32]>, f: OfBand<'_>) {
     #[cfg(feature = "threads")]
     {
         use rayon::prelude::*;
