@@ -3,7 +3,7 @@
 //!
 //! ```text
 //! buffers.rs   Python's buffers to planes, planes to bytearrays
-//! listen.rs    work in a thread of its own while Python's signals are heard
+//! listen.rs    work in a thread of its own while Python's signals are heard, until the interpreter ends
 //! failure.rs   errors as the package's exceptions
 //! sequence.rs  the sequence filter, frame by frame
 //! realtime.rs  the real-time filter
@@ -26,6 +26,8 @@ mod tables;
 mod _quell {
     #[pymodule_export]
     use super::files::{denoise_files, doctor, run_command};
+    #[pymodule_export]
+    use super::listen::finish;
     #[pymodule_export]
     use super::realtime::{Realtime, perspective};
     #[pymodule_export]

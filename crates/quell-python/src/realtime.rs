@@ -2,7 +2,7 @@
 
 use crate::buffers::{Numbers, PyPass, colour_bytes, numbers, scalar_bytes};
 use crate::failure::Failure;
-use crate::listen::pool;
+use crate::listen::{detached, pool};
 use crate::sequence::backend;
 use crate::tables::realtime_settings;
 use pyo3::prelude::*;
@@ -75,7 +75,7 @@ impl Realtime {
         }
         let mut inner = self.lock()?;
         let denoiser = &mut *inner;
-        let done = py.detach(|| {
+        let done = detached(py, || {
             self.pool.install(|| -> Result<Done, Failure> {
                 let output = denoiser.denoise(&frame.frame(&[]))?;
                 Ok(Done {
@@ -86,7 +86,7 @@ impl Realtime {
                     had_history: output.report.had_history,
                 })
             })
-        })?;
+        })??;
         let result = PyDict::new(py);
         let colour = |plane: Option<&Plane<[f32; 3]>>| -> PyResult<Option<Bound<'py, PyByteArray>>> {
             plane.map(|plane| colour_bytes(py, plane)).transpose()

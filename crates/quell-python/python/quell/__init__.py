@@ -5,6 +5,9 @@ the real-time filter. `doctor` says what is wrong with files, `parameters` what 
 package. docs/python.md has worked examples.
 """
 
+import atexit as _atexit
+
+from . import _quell
 from ._errors import Error, FileError, InputError, QuellWarning
 from ._files import Report, denoise_files, doctor
 from ._quell import version as _version
@@ -13,6 +16,9 @@ from ._sequence import Clean, Sequence, denoise
 from ._settings import Parameter, parameters
 
 __version__ = _version()
+
+# Daemon threads that filter end after the frame in hand; killed in the middle they would take the process with them.
+_atexit.register(_quell.finish)
 
 __all__ = [
     "Camera",
