@@ -11,6 +11,7 @@ use crate::error::Error;
 use crate::frame::Rgb;
 use crate::par;
 use crate::plane::{Plane, Size};
+use crate::stages::stabilise;
 use crate::window::{PreparedFrame, Rows, Weight};
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -252,7 +253,8 @@ impl SequenceDenoiser {
                             let (stages, features) = (self.stages, &self.entries[i].frame.features);
                             self.times.during("stabilise: signature", || {
                                 if s.net {
-                                    estimate.signature = Some((stages.signature)(features, &estimate.picture));
+                                    let signature = (stages.signature)(features, &estimate.picture);
+                                    estimate.signature = Some(stabilise::kept(signature));
                                 } else {
                                     estimate.likeness = Some((stages.likeness)(&estimate.picture, &estimate.input, s));
                                 }

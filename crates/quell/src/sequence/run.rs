@@ -12,8 +12,8 @@ use crate::plane::{Plane, Size};
 use crate::stages::blend::{Blend, BlendFrame};
 use crate::stages::gather::Gathered;
 use crate::stages::reflection_motion::ReflectionMotion;
-use crate::stages::stabilise::{Likeness, Signature, StabiliseFrame};
-use crate::window::{Features, LightSlot, LocalFeatures, PreparedFrame, Rows, Sparse, Vectors};
+use crate::stages::stabilise::{Likeness, StabiliseFrame};
+use crate::window::{Features, HalfRows, LightSlot, LocalFeatures, PreparedFrame, Rows, Sparse, Vectors};
 
 /// Of each light the variance that the renderer gave, NaN where it is unknown.
 pub(crate) type GivenVariance = [Option<Plane<f32>>];
@@ -38,7 +38,7 @@ pub(crate) struct SequenceStages {
     pub sum: fn(&PreparedFrame, &[LightSlot], &Rows) -> Plane<Rgb>,
     pub input: fn(&PreparedFrame, &[LightSlot], &Rows) -> Plane<Rgb>,
     pub likeness: fn(&Plane<Rgb>, &Plane<Rgb>, &Stabilise) -> Likeness,
-    pub signature: fn(&Features, &Plane<Rgb>) -> Plane<Signature>,
+    pub signature: fn(&Features, &Plane<Rgb>) -> Rows,
     pub stabilise: fn(&[StabiliseFrame<'_>], usize, &Gather, &Stabilise) -> SteadyPicture,
     pub blend: BlendStage,
     pub rescale: Rescale,
@@ -66,7 +66,7 @@ pub(crate) struct Estimate {
     pub samples: Plane<f32>,
     /// What `stabilise` compares pixels by, where it does: made by hand, or for its net.
     pub likeness: Option<Likeness>,
-    pub signature: Option<Plane<Signature>>,
+    pub signature: Option<HalfRows>,
 }
 
 /// How long each stage took, by a clock of the caller's.

@@ -32,7 +32,7 @@ pub use local::{Class, LocalFeatures};
 pub(crate) use packed::{Packed, Weight};
 pub(crate) use prepared::Samples;
 pub use prepared::{LightSlot, PreparedFrame};
-pub use rows::Rows;
+pub use rows::{HalfRows, Rows};
 pub use sparse::Sparse;
 pub use spool::SpooledFrame;
 pub use vectors::Vectors;

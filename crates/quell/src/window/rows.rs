@@ -1,6 +1,9 @@
 //! Images of many channels, row by row and channel by channel within the row: loops over x read and write runs.
 
+use crate::par;
 use crate::plane::Size;
+use half::f16;
+use half::slice::HalfFloatSliceExt;
 
 /// `channels` values a pixel; value c of pixel (x, y) lies at `(y * channels + c) * width + x`.
 #[derive(Clone, Debug, PartialEq)]
@@ -64,5 +67,56 @@ impl Rows {
     /// Three channels from `first` on at a pixel.
     pub fn colour(&self, x: usize, y: usize, first: usize) -> [f32; 3] {
         [0, 1, 2].map(|c| self.at(x, y, first + c))
+    }
+}
+
+/// [`Rows`] that wait in half precision.
+#[derive(Clone, Debug, PartialEq)]
+pub struct HalfRows {
+    size: Size,
+    channels: usize,
+    data: Vec<f16>,
+}
+
+impl HalfRows {
+    /// Rounded to the nearest; what half precision does not reach becomes the largest number of it.
+    pub(crate) fn new(rows: &Rows) -> Self {
+        let (size, channels) = (rows.size, rows.channels);
+        let mut data = vec![f16::ZERO; rows.data.len()];
+        let stride = (channels * size.width).max(1);
+        par::rows(&mut data, stride, |y, out| {
+            out.convert_from_f32_slice(&rows.data[y * stride..][..out.len()]);
+            // Infinite differences would make weights that are no numbers.
+            for value in out.iter_mut().filter(|value| value.is_infinite()) {
+                *value = f16::MAX.copysign(*value);
+            }
+        });
+        Self { size, channels, data }
+    }
+
+    /// Row `y` of channel `c`.
+    #[inline(always)]
+    pub(crate) fn row(&self, y: usize, c: usize) -> &[f16] {
+        &self.data[(y * self.channels + c) * self.size.width..][..self.size.width]
+    }
+
+    /// Value of channel `c` at a pixel.
+    pub(crate) fn at(&self, x: usize, y: usize, c: usize) -> f32 {
+        self.row(y, c)[x].to_f32()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_halves_do_not_reach_is_their_largest() {
+        let mut rows = Rows::new(Size::new(5, 3), 4);
+        rows.data.iter_mut().enumerate().for_each(|(i, value)| *value = -9000.0 * (i as f32 - 7.3));
+        let halves = HalfRows::new(&rows);
+        assert_eq!((halves.at(0, 0, 0), halves.at(4, 2, 3)), (65504.0, -65504.0));
+        assert_eq!(halves.at(2, 0, 1), f16::from_f32(rows.at(2, 0, 1)).to_f32());
+        assert_eq!(halves.row(0, 1)[2].to_f32(), halves.at(2, 0, 1));
     }
 }

@@ -276,8 +276,8 @@ fn bytes_per_pixel(stage: &str, around: usize, levels: usize) -> Option<usize> {
         // Each of three levels reads light as it came and filtered, and writes the latter.
         "residual" => 3 * (6 + 12 + 12) * PLANES,
         "recombine: sum" => 12 * PLANES + 6 * PLANES + 18 + 24,
-        "stabilise: signature" => 12 + seen + 48,
-        "stabilise" => 7 * (12 + 48 + motion + 4) + 12,
+        "stabilise: signature" => 12 + seen + 24,
+        "stabilise" => 7 * (12 + 24 + motion + 4) + 12,
         "blend" => 5 * (24 + motion + surface) + 12 + 16,
         "recombine: rescale" => 12 * PLANES + 36 + 12 * PLANES,
         _ => return None,

@@ -2,35 +2,40 @@
 
 use super::cpu::Track;
 use super::{
-    Bandwidths, PARTS, Signature, StabiliseFrame, TAPS_AROUND, TAPS_IN_TIME, albedo_around, bandwidths, normal_at,
+    BOUNDED, PARTS, StabiliseFrame, TAPS_AROUND, TAPS_IN_TIME, albedo_around, bandwidths, normal_at, restored,
 };
+#[cfg(feature = "internals")]
+use super::{Signature, signature_at};
 use crate::frame::Rgb;
-use crate::kernels::lanes::{BLOCK, exp2, inside, load, whole};
-use crate::kernels::math::three;
+use crate::kernels::lanes::{BLOCK, exp2, inside, load, load_halves, whole};
 use crate::par;
 use crate::plane::{Plane, Size};
 use crate::sequence::settings::{Gather, Stabilise};
 use crate::stages::blend::BlendFrame;
 use crate::stages::blend::cpu::{Band, PictureNoise, around as blend_around, bands, mean_colours};
-use crate::window::Features;
-use fearless_simd::{Simd, dispatch, f32x4, f32x16, prelude::*};
+use crate::window::{Features, HalfRows, Rows};
+use fearless_simd::{Simd, dispatch, f32x16, prelude::*};
+use half::slice::HalfFloatSliceExt;
 use std::ops::Range;
 
 /// As [`super::reference::signature`].
-pub(crate) fn signature(features: &Features, picture: &Plane<Rgb>) -> Plane<Signature> {
+pub(crate) fn signature(features: &Features, picture: &Plane<Rgb>) -> Rows {
     let size = picture.size();
     let w = size.width;
-    let mut out = Plane::filled(size, [0.0; super::SIGNATURE]);
+    let channels = super::SIGNATURE;
+    let mut out = Rows::new(size, channels);
     for rows in bands(size.height) {
         let wide = mean_colours(picture, super::WIDE, &rows);
-        par::rows(&mut out.data_mut()[rows.start * w..rows.end * w], w, |y, row| {
+        par::rows(&mut out.data_mut()[channels * rows.start * w..channels * rows.end * w], channels * w, |y, row| {
             let y = rows.start + y;
-            for (x, value) in row.iter_mut().enumerate() {
+            for x in 0..w {
                 let normal = normal_around(features, x, y);
                 let albedo = albedo_around(features, y * w + x);
                 let parts = [binomial(picture, x, y), wide.colour(x, y, 0), albedo, normal];
                 for (part, v) in parts.into_iter().enumerate() {
-                    value[3 * part..3 * part + 3].copy_from_slice(&v);
+                    for (c, v) in v.into_iter().enumerate() {
+                        row[(3 * part + c) * w + x] = v;
+                    }
                 }
             }
         });
@@ -106,10 +111,13 @@ impl<'a> Joint<'a> {
         let alpha = here.alpha.filter(|_| has_alpha(window));
         let channels = COVERAGE + usize::from(alpha.is_some());
         let around = Band::filled(&blend_around(&rows, TAPS_AROUND, size.height), w, channels, |y, out| {
-            let mut set = |c: usize, x: usize, value: f32| out[c * w + x] = value;
-            for (x, signature) in here.signature.map_or(&[][..], |plane| plane.row(y)).iter().enumerate() {
-                signature.iter().enumerate().for_each(|(c, value)| set(c, x, *value));
+            if let Some(signature) = here.signature {
+                for (c, out) in out.chunks_exact_mut(w).take(COLOUR).enumerate() {
+                    signature.row(y, c).convert_to_f32_slice(out);
+                    out.iter_mut().for_each(|value| *value = restored(c, *value));
+                }
             }
+            let mut set = |c: usize, x: usize, value: f32| out[c * w + x] = value;
             for (x, colour) in here.picture.row(y).iter().enumerate() {
                 colour.iter().enumerate().for_each(|(c, value)| set(COLOUR + c, x, *value));
             }
@@ -133,65 +141,44 @@ impl<'a> Joint<'a> {
     fn row<S: Simd>(&self, simd: S, y: usize, row: &mut [Rgb], coverage: &mut [f32]) {
         let here = &self.window[self.centre];
         let w = row.len();
-        let Some(signatures) = here.signature else { return };
-        let mut bandwidths_of = [Bandwidths::default(); BLOCK];
+        if here.signature.is_none() {
+            return;
+        }
         for x in (0..w).step_by(BLOCK) {
             let count = BLOCK.min(w - x);
-            let mut lanes = [[0.0; BLOCK]; PARTS + 1];
+            let mut lanes = Lanes::default();
             for i in 0..count {
                 let found = bandwidths(&self.noise.at(x + i, y, here.features, self.settings.nearer));
-                for k in 0..PARTS {
-                    lanes[k][i] = found.parts[0][k];
+                for group in 0..2 {
+                    for k in 0..PARTS {
+                        lanes.parts[group][k][i] = found.parts[group][k];
+                    }
+                    lanes.offset[group][i] = found.offset[group];
                 }
-                lanes[PARTS][i] = found.offset[0];
-                bandwidths_of[i] = found;
+                lanes.away[i] = found.away;
             }
             let reach = TAPS_AROUND as isize;
-            let sums = if whole(x as isize - reach, w) && whole(x as isize + reach, w) {
+            let mut sums = if whole(x as isize - reach, w) && whole(x as isize + reach, w) {
                 self.sums_around::<false, _>(simd, (x, y), &lanes)
             } else {
                 self.sums_around::<true, _>(simd, (x, y), &lanes)
             };
+            self.add_in_time(simd, (x, y), count, &lanes, &mut sums);
+            let [red, green, blue, alpha, total] = &sums;
             for i in 0..count {
-                let mut own = signatures.at(x + i, y);
-                own[super::INPUT].copy_from_slice(&self.input.colour(x + i, y, 0));
-                let mut sums = Sums {
-                    joint: self,
-                    simd,
-                    bandwidths: Fours::new(simd, &bandwidths_of[i]),
-                    own: here.picture.at(x + i, y),
-                    own_alpha: here.alpha.map_or(0.0, |a| a.at(x + i, y)),
-                    colour: [sums[0][i], sums[1][i], sums[2][i]],
-                    alpha: sums[3][i],
-                    total: sums[4][i],
-                    waiting: 0,
-                    powers: [0.0; TAPS],
-                    places: [(0, 0); TAPS],
-                };
-                self.taps_in_time(x + i, y, &own, &mut sums);
-                sums.add();
-                let Sums { colour, alpha, total, own, own_alpha, .. } = sums;
-                row[x + i] = three(|k| own[k] + colour[k] / total);
+                let own = here.picture.at(x + i, y);
+                row[x + i] = [own[0] + red[i] / total[i], own[1] + green[i] / total[i], own[2] + blue[i] / total[i]];
                 if let Some(coverage) = coverage.get_mut(x + i) {
-                    *coverage = own_alpha + alpha / total;
+                    *coverage = here.alpha.map_or(0.0, |a| a.at(x + i, y)) + alpha[i] / total[i];
                 }
             }
         }
     }
 
-    /// Of sixteen pixels the sums over the pixels around them: colours, coverage and weights. `lanes`: bandwidths of the parts and of the
-    /// distance.
+    /// What sixteen pixels are compared by, from column `x` on.
     #[inline(always)]
-    fn sums_around<const EDGE: bool, S: Simd>(
-        &self,
-        simd: S,
-        (x, y): (usize, usize),
-        lanes: &[[f32; BLOCK]; PARTS + 1],
-    ) -> [[f32; BLOCK]; 5] {
-        let here = &self.window[self.centre];
-        let (w, h) = (here.features.size.width, here.features.size.height);
-        let zero = f32x16::splat(simd, 0.0);
-        let mut own = [zero; super::SIGNATURE];
+    fn own<const EDGE: bool, S: Simd>(&self, simd: S, (x, y): (usize, usize)) -> [f32x16<S>; super::SIGNATURE] {
+        let mut own = [f32x16::splat(simd, 0.0); super::SIGNATURE];
         for c in 0..super::SIGNATURE {
             let row = if super::INPUT.contains(&c) {
                 self.input.row(y, c - super::INPUT.start)
@@ -200,11 +187,26 @@ impl<'a> Joint<'a> {
             };
             own[c] = load::<EDGE, _>(simd, row, x as isize);
         }
+        own
+    }
+
+    /// Of sixteen pixels the sums over the pixels around them: colours, coverage and weights.
+    #[inline(always)]
+    fn sums_around<const EDGE: bool, S: Simd>(
+        &self,
+        simd: S,
+        (x, y): (usize, usize),
+        lanes: &Lanes,
+    ) -> [[f32; BLOCK]; 5] {
+        let here = &self.window[self.centre];
+        let (w, h) = (here.features.size.width, here.features.size.height);
+        let zero = f32x16::splat(simd, 0.0);
+        let own = self.own::<EDGE, _>(simd, (x, y));
         let mut parts = [zero; PARTS];
         for k in 0..PARTS {
-            parts[k] = f32x16::from_slice(simd, &lanes[k]);
+            parts[k] = f32x16::from_slice(simd, &lanes.parts[0][k]);
         }
-        let by_distance = f32x16::from_slice(simd, &lanes[PARTS]);
+        let by_distance = f32x16::from_slice(simd, &lanes.offset[0]);
         let mut own_colour = [zero; 4];
         let channels = if self.has_alpha { 4 } else { 3 };
         for c in 0..channels {
@@ -257,13 +259,178 @@ impl<'a> Joint<'a> {
         found
     }
 
+    /// Adds to them the pixels of other frames. Pixels beside each other mostly move alike: their taps lie side by side, too.
+    #[inline(always)]
+    fn add_in_time<S: Simd>(
+        &self,
+        simd: S,
+        (x, y): (usize, usize),
+        count: usize,
+        lanes: &Lanes,
+        sums: &mut [[f32; BLOCK]; 5],
+    ) {
+        let here = &self.window[self.centre];
+        for forward in [false, true] {
+            if forward && !self.gather.future {
+                continue;
+            }
+            let ahead = if forward { self.window.len() - 1 - self.centre } else { self.centre };
+            let ahead = ahead.min(self.settings.frames as usize);
+            let mut tracks: [Option<Track<'_>>; BLOCK] = Default::default();
+            if ahead > 0 {
+                for i in 0..count {
+                    tracks[i] = Some(Track::new(here.features, x + i, y, self.gather, self.settings));
+                }
+            }
+            for away in 1..=ahead {
+                let (from, frame) = if forward {
+                    (self.centre + away - 1, self.centre + away)
+                } else {
+                    (self.centre + 1 - away, self.centre - away)
+                };
+                let other = &self.window[frame];
+                let Some(signatures) = other.signature else { break };
+                let mut found = Found::default();
+                for i in 0..count {
+                    let Some(track) = &mut tracks[i] else { continue };
+                    if track.step(self.window[from].features, other.features, forward).is_none() {
+                        tracks[i] = None;
+                        continue;
+                    }
+                    (found.at[0][i], found.at[1][i]) = track.at;
+                    let (column, row) = (track.at.0.round() as isize, track.at.1.round() as isize);
+                    found.places[i] = (column - i as isize, row);
+                    found.lanes |= 1 << i;
+                }
+                // Those that moved alike at once.
+                while found.lanes != 0 {
+                    let place = found.places[found.lanes.trailing_zeros() as usize];
+                    let mut alike = [0.0; BLOCK];
+                    for i in 0..count {
+                        if found.lanes >> i & 1 == 1 && found.places[i] == place {
+                            alike[i] = 1.0;
+                            found.lanes &= !(1 << i);
+                        }
+                    }
+                    self.add_alike(simd, ((x, y), place), (other, signatures, away), (&found.at, &alike), lanes, sums);
+                }
+            }
+        }
+    }
+
+    /// Adds the taps of those of sixteen pixels that are `alike`, around column `place.0` + i of row `place.1` for the i-th.
+    #[inline(always)]
+    fn add_alike<S: Simd>(
+        &self,
+        simd: S,
+        ((x, y), place): ((usize, usize), (isize, isize)),
+        (other, signatures, away): (&StabiliseFrame<'_>, &HalfRows, usize),
+        (at, alike): (&[[f32; BLOCK]; 2], &[f32; BLOCK]),
+        lanes: &Lanes,
+        sums: &mut [[f32; BLOCK]; 5],
+    ) {
+        let w = other.features.size.width;
+        let r = TAPS_IN_TIME as isize;
+        if whole(place.0 - r, w) && whole(place.0 + r, w) && whole(x as isize, w) {
+            self.add_taps::<false, _>(simd, ((x, y), place), (other, signatures, away), (at, alike), lanes, sums);
+        } else {
+            self.add_taps::<true, _>(simd, ((x, y), place), (other, signatures, away), (at, alike), lanes, sums);
+        }
+    }
+
+    #[inline(always)]
+    fn add_taps<const EDGE: bool, S: Simd>(
+        &self,
+        simd: S,
+        ((x, y), place): ((usize, usize), (isize, isize)),
+        (other, signatures, away): (&StabiliseFrame<'_>, &HalfRows, usize),
+        (at, alike): (&[[f32; BLOCK]; 2], &[f32; BLOCK]),
+        lanes: &Lanes,
+        sums: &mut [[f32; BLOCK]; 5],
+    ) {
+        const R: isize = TAPS_IN_TIME as isize;
+        const WIDTH: usize = BLOCK + 2 * TAPS_IN_TIME;
+        let w = other.features.size.width;
+        let zero = f32x16::splat(simd, 0.0);
+        let alike = f32x16::from_slice(simd, alike).simd_gt(zero);
+        let own = self.own::<EDGE, _>(simd, (x, y));
+        let mut parts = [zero; PARTS];
+        for k in 0..PARTS {
+            parts[k] = f32x16::from_slice(simd, &lanes.parts[1][k]);
+        }
+        let by_distance = f32x16::from_slice(simd, &lanes.offset[1]);
+        let between = f32x16::from_slice(simd, &lanes.away) * (away - 1) as f32;
+        let channels = if self.has_alpha { 4 } else { 3 };
+        let mut own_colour = [zero; 4];
+        for c in 0..channels {
+            own_colour[c] = load::<EDGE, _>(simd, self.around.row(y, COLOUR + c), x as isize);
+        }
+        let mut sum = [zero; 5];
+        for k in 0..5 {
+            sum[k] = f32x16::from_slice(simd, &sums[k]);
+        }
+        let (at_x, at_y) = (f32x16::from_slice(simd, &at[0]), f32x16::from_slice(simd, &at[1]));
+        let lane = f32x16::from_slice(simd, &LANE);
+        for dy in -R..=R {
+            let Some(row) = other.features.row_here(place.1 + dy) else { continue };
+            let mut colours = [[0.0; 2 * BLOCK]; 4];
+            for j in 0..WIDTH {
+                let column = place.0 - R + j as isize;
+                if EDGE && !(0..w as isize).contains(&column) {
+                    continue;
+                }
+                let c = other.picture.at(column as usize, row);
+                for k in 0..3 {
+                    colours[k][j] = c[k];
+                }
+                if let (true, Some(alpha)) = (self.has_alpha, other.alpha) {
+                    colours[3][j] = alpha.at(column as usize, row);
+                }
+            }
+            let off_y = f32x16::splat(simd, (place.1 + dy) as f32) - at_y;
+            for dx in -R..=R {
+                let column = place.0 + dx;
+                let mut squares = [zero; super::SIGNATURE];
+                for c in 0..super::SIGNATURE {
+                    let kept = load_halves::<EDGE, _>(simd, signatures.row(row, c), column);
+                    let d = own[c] - if c < BOUNDED { kept * kept.abs() } else { kept };
+                    squares[c] = parts[c / 3] * (d * d);
+                }
+                // The order of `distance`.
+                let mut four = [zero; 4];
+                for k in 0..4 {
+                    four[k] = squares[k] + squares[k + 4] + squares[k + 8];
+                }
+                let distance = (four[0] + four[2]) + (four[1] + four[3]);
+                let off_x = (lane + column as f32) - at_x;
+                let offset = off_x * off_x + off_y * off_y;
+                let weight = exp2(simd, -(distance + by_distance * offset + between));
+                let weight = alike.select(weight, zero);
+                let weight = if EDGE {
+                    let inside: f32x16<S> = inside(column, w).simd_into(simd);
+                    inside.simd_gt(zero).select(weight, zero)
+                } else {
+                    weight
+                };
+                let first = (dx + R) as usize;
+                for c in 0..channels {
+                    sum[c] += weight * (f32x16::from_slice(simd, &colours[c][first..first + BLOCK]) - own_colour[c]);
+                }
+                sum[4] += weight;
+            }
+        }
+        for k in 0..5 {
+            sum[k].store_slice(&mut sums[k]);
+        }
+    }
+
     /// Visits the pixels around and those of other frames, but for the pixel itself.
     #[cfg(feature = "internals")]
-    fn taps(&self, x: usize, y: usize, visitor: &mut impl Visit) {
+    fn taps(&self, x: usize, y: usize, visit: &mut impl FnMut(&Signature, Tap)) {
         let here = &self.window[self.centre];
         let (w, h) = (here.features.size.width, here.features.size.height);
         let Some(signatures) = here.signature else { return };
-        let mut own = signatures.at(x, y);
+        let mut own = signature_at(signatures, x, y);
         own[super::INPUT].copy_from_slice(&self.input.colour(x, y, 0));
         let r = TAPS_AROUND;
         for qy in y.saturating_sub(r)..(y + r + 1).min(h) {
@@ -271,17 +438,17 @@ impl<'a> Joint<'a> {
                 if (qx, qy) != (x, y) {
                     let (dx, dy) = (qx as f32 - x as f32, qy as f32 - y as f32);
                     let (pixel, offset) = (qy * w + qx, dx * dx + dy * dy);
-                    let signature = &signatures.data()[pixel];
-                    visitor.visit(&own, Tap { frame: self.centre, pixel, signature, offset, away: 0 });
+                    let signature = signature_at(signatures, qx, qy);
+                    visit(&own, Tap { frame: self.centre, pixel, signature, offset, away: 0 });
                 }
             }
         }
-        self.taps_in_time(x, y, &own, visitor);
+        self.taps_in_time(x, y, &own, visit);
     }
 
     /// Visits the pixels of other frames.
-    #[inline(always)]
-    fn taps_in_time(&self, x: usize, y: usize, own: &Signature, visitor: &mut impl Visit) {
+    #[cfg(feature = "internals")]
+    fn taps_in_time(&self, x: usize, y: usize, own: &Signature, visit: &mut impl FnMut(&Signature, Tap)) {
         let here = &self.window[self.centre];
         let w = here.features.size.width;
         for forward in [false, true] {
@@ -306,8 +473,8 @@ impl<'a> Joint<'a> {
                     for qx in (cx - r).max(0)..=(cx + r).min(w as isize - 1) {
                         let (dx, dy) = (qx as f32 - track.at.0, qy as f32 - track.at.1);
                         let (pixel, offset) = (row * w + qx as usize, dx * dx + dy * dy);
-                        let signature = &signatures.data()[pixel];
-                        visitor.visit(own, Tap { frame, pixel, signature, offset, away });
+                        let signature = signature_at(signatures, qx as usize, row);
+                        visit(own, Tap { frame, pixel, signature, offset, away });
                     }
                 }
             }
@@ -315,107 +482,32 @@ impl<'a> Joint<'a> {
     }
 }
 
-/// Hears of the taps of a pixel. A closure would be compiled apart from the loop, for narrow vectors.
-trait Visit {
-    fn visit(&mut self, own: &Signature, tap: Tap<'_>);
+/// Bandwidths of sixteen pixels, by members of [`Bandwidths`](super::Bandwidths).
+#[derive(Default)]
+struct Lanes {
+    parts: [[[f32; BLOCK]; PARTS]; 2],
+    offset: [[f32; BLOCK]; 2],
+    away: [f32; BLOCK],
 }
 
-#[cfg(feature = "internals")]
-impl<F: FnMut(&Signature, Tap<'_>)> Visit for F {
-    fn visit(&mut self, own: &Signature, tap: Tap<'_>) {
-        self(own, tap);
-    }
+/// Where sixteen pixels lie in another frame.
+#[derive(Default)]
+struct Found {
+    at: [[f32; BLOCK]; 2],
+    /// Of the i-th the pixel nearest to it, less i columns.
+    places: [(isize, isize); BLOCK],
+    /// Bit i: it was found.
+    lanes: u32,
 }
 
-/// Taps whose weights are found together.
-const TAPS: usize = 64;
-
-/// Weighted sums of differences from a pixel.
-struct Sums<'j, S: Simd> {
-    joint: &'j Joint<'j>,
-    simd: S,
-    bandwidths: Fours<S>,
-    own: Rgb,
-    own_alpha: f32,
-    colour: Rgb,
-    alpha: f32,
-    total: f32,
-    /// Taps that are not added yet: logarithms of their weights, frames and pixels.
-    waiting: usize,
-    powers: [f32; TAPS],
-    places: [(u32, u32); TAPS],
-}
-
-impl<S: Simd> Sums<'_, S> {
-    /// Adds those that wait, in the order in which they came.
-    #[inline(always)]
-    fn add(&mut self) {
-        let simd = self.simd;
-        for powers in self.powers.as_chunks_mut::<BLOCK>().0.iter_mut().take(self.waiting.div_ceil(BLOCK)) {
-            exp2(simd, f32x16::from_slice(simd, powers)).store_slice(powers);
-        }
-        for (weight, (frame, pixel)) in self.powers.iter().zip(&self.places).take(self.waiting) {
-            let other = &self.joint.window[*frame as usize];
-            let c = other.picture.data()[*pixel as usize];
-            for k in 0..3 {
-                self.colour[k] += weight * (c[k] - self.own[k]);
-            }
-            if let (true, Some(alpha)) = (self.joint.has_alpha, other.alpha) {
-                self.alpha += weight * (alpha.data()[*pixel as usize] - self.own_alpha);
-            }
-            self.total += weight;
-        }
-        self.waiting = 0;
-    }
-}
-
-/// The bandwidths of taps in other frames: four numbers of a signature at once.
-struct Fours<S: Simd> {
-    parts: [f32x4<S>; super::SIGNATURE / 4],
-    offset: f32,
-    away: f32,
-}
-
-impl<S: Simd> Fours<S> {
-    #[inline(always)]
-    fn new(simd: S, b: &Bandwidths) -> Self {
-        let [p, q, r, s] = b.parts[1];
-        let of = |four: [f32; 4]| -> f32x4<S> { four.simd_into(simd) };
-        Self { parts: [of([p, p, p, q]), of([q, q, r, r]), of([r, s, s, s])], offset: b.offset[1], away: b.away }
-    }
-
-    /// As [`super::tap_power`], in its order.
-    #[inline(always)]
-    fn power(&self, simd: S, own: &Signature, tap: &Tap<'_>) -> f32 {
-        let (own, other) = (own.as_chunks::<4>().0, tap.signature.as_chunks::<4>().0);
-        let mut squares = self.parts;
-        for k in 0..squares.len() {
-            let d = f32x4::from_slice(simd, &own[k]) - f32x4::from_slice(simd, &other[k]);
-            squares[k] *= d * d;
-        }
-        let four: [f32; 4] = (squares[0] + squares[1] + squares[2]).into();
-        let distance = (four[0] + four[2]) + (four[1] + four[3]);
-        -(distance + self.offset * tap.offset + self.away * (tap.away - 1) as f32)
-    }
-}
-
-impl<S: Simd> Visit for Sums<'_, S> {
-    #[inline(always)]
-    fn visit(&mut self, own: &Signature, tap: Tap<'_>) {
-        if self.waiting == TAPS {
-            self.add();
-        }
-        self.powers[self.waiting] = self.bandwidths.power(self.simd, own, &tap);
-        self.places[self.waiting] = (tap.frame as u32, tap.pixel as u32);
-        self.waiting += 1;
-    }
-}
+const LANE: [f32; BLOCK] = [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0, 10.0, 11.0, 12.0, 13.0, 14.0, 15.0];
 
 /// A pixel that is compared with another.
-pub(crate) struct Tap<'a> {
+#[cfg(feature = "internals")]
+pub(crate) struct Tap {
     pub frame: usize,
     pub pixel: usize,
-    pub signature: &'a Signature,
+    pub signature: Signature,
     /// Squared distance in pixels from where it should lie.
     pub offset: f32,
     /// Frames between.
@@ -474,9 +566,9 @@ pub(crate) fn training_taps(joint: &Joint<'_>, chosen: &[(usize, usize)]) -> (Ve
             }
         };
         write(joint.window[joint.centre].picture.at(x, y), [0.0; super::PARTS], 0.0, 0.5);
-        joint.taps(x, y, &mut |own: &Signature, tap: Tap<'_>| {
+        joint.taps(x, y, &mut |own: &Signature, tap: Tap| {
             let colour = joint.window[tap.frame].picture.data()[tap.pixel];
-            write(colour, super::parts(own, tap.signature), tap.offset, 1.0 + tap.away as f32);
+            write(colour, super::parts(own, &tap.signature), tap.offset, 1.0 + tap.away as f32);
         });
     });
     (out, chosen.iter().map(|(x, y)| joint.noise.inverse(*x, *y)).collect())

@@ -36,11 +36,12 @@ pub mod reference;
 mod weights;
 
 use crate::frame::Rgb;
+use crate::par;
 use crate::plane::Plane;
 use crate::reach::Reach;
 use crate::sequence::settings::Stabilise;
 use crate::stages::blend::{self, BlendFrame, Pooled, exp2};
-use crate::window::Features;
+use crate::window::{Features, HalfRows, Rows};
 
 /// What a filtered picture shows without its noise: by it a neighbour in time counts. Made once a frame.
 #[derive(Clone, Debug, PartialEq)]
@@ -67,8 +68,8 @@ pub struct StabiliseFrame<'a> {
     pub input: &'a Plane<Rgb>,
     /// What it shows without its noise, for the form made by hand; `None`: neighbours count whatever they show.
     pub likeness: Option<&'a Likeness>,
-    /// What pixels are compared by, for the net's form.
-    pub signature: Option<&'a Plane<Signature>>,
+    /// What pixels are compared by, for the net's form: see [`kept`].
+    pub signature: Option<&'a HalfRows>,
     /// Coverage, 0..1.
     pub alpha: Option<&'a Plane<f32>>,
 }
@@ -186,6 +187,32 @@ pub(crate) fn distance(a: &Signature, b: &Signature, parts: &[f32; PARTS]) -> f3
         q[k] = p[k] + p[k + 4] + p[k + 8];
     }
     (q[0] + q[2]) + (q[1] + q[3])
+}
+
+/// Channels of a signature from here on are no light.
+pub(crate) const BOUNDED: usize = 6;
+
+/// A frame's signatures as they wait, in half precision. Of light the square root is kept, which reaches from 1e-9 to 4e9 so, to a
+/// twentieth of a percent: it weighs taps, no tap is made of it.
+pub fn kept(mut signatures: Rows) -> HalfRows {
+    let (w, channels) = (signatures.size().width, signatures.channels());
+    par::rows(signatures.data_mut(), (channels * w).max(1), |_, row| {
+        for value in &mut row[..BOUNDED * w] {
+            *value = value.abs().sqrt().copysign(*value);
+        }
+    });
+    HalfRows::new(&signatures)
+}
+
+/// What [`kept`] keeps of channel `c`, as it was.
+#[inline(always)]
+pub(crate) fn restored(c: usize, value: f32) -> f32 {
+    if c < BOUNDED { value * value.abs() } else { value }
+}
+
+/// The signature of a pixel.
+pub(crate) fn signature_at(signatures: &HalfRows, x: usize, y: usize) -> Signature {
+    std::array::from_fn(|c| restored(c, signatures.at(x, y, c)))
 }
 
 /// The weight of a tap.

@@ -1,15 +1,15 @@
 //! The specification of `stabilise`.
 
 use super::{
-    INPUT, LEAST_NOISE, Likeness, POOL, SIGNATURE, Signature, StabiliseFrame, TAPS_AROUND, TAPS_IN_TIME, WIDE,
-    albedo_around, bandwidths, normal_at, seen_difference, tap_weight,
+    INPUT, LEAST_NOISE, Likeness, POOL, SIGNATURE, StabiliseFrame, TAPS_AROUND, TAPS_IN_TIME, WIDE, albedo_around,
+    bandwidths, normal_at, seen_difference, signature_at, tap_weight,
 };
 use crate::frame::Rgb;
 use crate::kernels::guide_distance::weight;
 use crate::plane::{Plane, Size};
 use crate::sequence::settings::{Gather, Stabilise};
 use crate::stages::blend::{self, BlendFrame};
-use crate::window::Features;
+use crate::window::{Features, Rows};
 
 /// Runs the stage for `window[centre]` on the whole image. Coverage is averaged where all frames have it, stays where this
 /// one alone has it, and is `None` where it has none.
@@ -68,7 +68,7 @@ fn joint(
     let (mut picture, mut alpha) = (here.picture.clone(), here.alpha.cloned());
     for (x, y) in (0..h).flat_map(|y| (0..w).map(move |x| (x, y))) {
         let bandwidths = bandwidths(&(pooled.at(x, y), 1.0 / brightness.at(x, y) as f32));
-        let mut own = here.signature.map_or([0.0; SIGNATURE], |signature| signature.at(x, y));
+        let mut own = here.signature.map_or([0.0; SIGNATURE], |signature| signature_at(signature, x, y));
         let judge = window_mean(here.input.size(), WIDE, (x, y), |q| here.input.data()[q]);
         own[INPUT].copy_from_slice(&judge.map(|v| v as f32));
         // (frame, place in it where the pixel is shown, half the side of the window, frames between)
@@ -88,7 +88,7 @@ fn joint(
                 let q = here_row * w + qx as usize;
                 let offset = (qx as f32 - at[0]).powi(2) + (qy as f32 - at[1]).powi(2);
                 let itself = frame == centre && q == y * w + x;
-                let tap = (&signatures.data()[q], offset, away);
+                let tap = (&signature_at(signatures, qx as usize, here_row), offset, away);
                 let weight = if itself { 1.0 } else { f64::from(tap_weight(&bandwidths, &own, tap)) };
                 for c in 0..3 {
                     sum[c] += weight * f64::from(other.picture.data()[q][c]);
@@ -105,11 +105,12 @@ fn joint(
     (picture, alpha)
 }
 
-/// What the net's form compares pixels by.
-pub fn signature(features: &Features, picture: &Plane<Rgb>) -> Plane<Signature> {
+/// What the net's form compares pixels by: `SIGNATURE` channels.
+pub fn signature(features: &Features, picture: &Plane<Rgb>) -> Rows {
     let size = picture.size();
     let clamped = |v: usize, d: isize, extent: usize| (v as isize + d).clamp(0, extent as isize - 1) as usize;
-    Plane::from_fn(size, |x, y| {
+    let mut out = Rows::new(size, SIGNATURE);
+    for (x, y) in (0..size.height).flat_map(|y| (0..size.width).map(move |x| (x, y))) {
         let mut near = [0.0f64; 3];
         for (dx, dy) in (-1..=1isize).flat_map(|dy| (-1..=1isize).map(move |dx| (dx, dy))) {
             let share = (2 - dx.abs()) * (2 - dy.abs());
@@ -122,8 +123,9 @@ pub fn signature(features: &Features, picture: &Plane<Rgb>) -> Plane<Signature> 
         let albedo = albedo_around(features, y * size.width + x).map(f64::from);
         let normal = window_mean(size, 1, (x, y), |q| normal_at(features, q));
         let parts = [near, wide, albedo, normal];
-        std::array::from_fn(|i| parts[i / 3][i % 3] as f32)
-    })
+        parts.iter().flatten().enumerate().for_each(|(c, value)| out.set(x, y, c, *value as f32));
+    }
+    out
 }
 
 /// Mean over the pixels that lie in the picture and in a window of 2 `radius` + 1.
