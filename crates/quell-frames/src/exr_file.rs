@@ -9,8 +9,7 @@ use exr::prelude as x;
 use quell::Size;
 use rayon::prelude::*;
 use std::collections::BTreeMap;
-use std::fs::File;
-use std::io::BufWriter;
+use std::io::{Seek, Write};
 use std::path::Path;
 
 pub(crate) use exr::meta::attribute::{AttributeValue, Text};
@@ -48,7 +47,7 @@ pub(crate) fn read_part(path: &Path) -> Result<ExrPart, Error> {
 /// Blocks are compressed in the caller's thread pool (exr would build one of its own for each file) and written in
 /// order: the same pixel bytes at any number of threads. (The order of header attributes varies: exr keeps them in a
 /// hash map.)
-pub(crate) fn write_part(path: &Path, writer: &mut BufWriter<File>, part: ExrPart) -> Result<(), Error> {
+pub(crate) fn write_part(path: &Path, writer: impl Write + Seek, part: ExrPart) -> Result<(), Error> {
     let ExrPart { size, channels, attributes } = part;
     let mut list = exr::prelude::SmallVec::new();
     for (name, samples) in channels {

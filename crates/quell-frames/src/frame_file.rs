@@ -9,6 +9,7 @@ use crate::metadata::{Content, Metadata};
 use half::f16;
 use quell::{Camera, Frame, FrameBuf, PassBuf, Plane, PlaneRef, Rgb, Signal, Size};
 use std::collections::BTreeMap;
+use std::io::Cursor;
 use std::path::Path;
 
 /// How colours are stored. Guides, variances and confidence are always float.
@@ -149,17 +150,30 @@ pub fn write_frame(path: &Path, frame: &FrameToWrite<'_>, options: &WriteOptions
     if !options.overwrite && path.exists() && !is_quells(path) {
         return Err(Error::Foreign { path: path.to_owned() });
     }
-    let mut layers = LayerWriter::new(path, frame.frame.size, options.colours);
-    layers.add_frame(frame)?;
-    let clamped_to_half = layers.clamped_to_half;
-    let part = ExrPart {
-        size: frame.frame.size,
-        attributes: header(path, frame, &layers.implied)?,
-        channels: layers.channels,
-    };
+    let (part, clamped_to_half) = part_of(path, frame, options.colours)?;
     write_whole(path, |writer| write_part(path, writer, part))?;
     let bytes = std::fs::metadata(path).map_err(|e| Error::io(path, "read", e))?.len();
     Ok(Written { bytes, clamped_to_half })
+}
+
+/// The file that [`write_frame`] would write, in memory: for hosts without files. `name` stands in errors.
+///
+/// # Errors
+/// As [`write_frame`], but for files.
+pub fn frame_bytes(name: &Path, frame: &FrameToWrite<'_>, colours: Precision) -> Result<Vec<u8>, Error> {
+    let (part, _) = part_of(name, frame, colours)?;
+    let mut bytes = Cursor::new(Vec::new());
+    write_part(name, &mut bytes, part)?;
+    Ok(bytes.into_inner())
+}
+
+/// What is written, and how many components were clamped.
+fn part_of(path: &Path, frame: &FrameToWrite<'_>, colours: Precision) -> Result<(ExrPart, usize), Error> {
+    let mut layers = LayerWriter::new(path, frame.frame.size, colours);
+    layers.add_frame(frame)?;
+    let clamped_to_half = layers.clamped_to_half;
+    let attributes = header(path, frame, &layers.implied)?;
+    Ok((ExrPart { size: frame.frame.size, attributes, channels: layers.channels }, clamped_to_half))
 }
 
 /// True for a file that [`write_frame`] wrote.

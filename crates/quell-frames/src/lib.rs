@@ -89,7 +89,7 @@ pub use adapt::{AdaptOptions, Adapted, Adapter, Links, MotionChoice};
 pub use error::Error;
 pub use files::{find_frames, frame_path};
 pub use frame_file::{
-    FrameFile, FrameToWrite, Half, HalfBuf, Precision, WriteOptions, Written, read_frame, write_frame,
+    FrameFile, FrameToWrite, Half, HalfBuf, Precision, WriteOptions, Written, frame_bytes, read_frame, write_frame,
 };
 pub use image::{
     AttributeValue, Channel, ExrImage, ImageWriteOptions, ImageWritten, Part, SampleKind, Samples, Window,

@@ -6,11 +6,12 @@ use crate::choice::{Choice, DEBUG_VIEWS, Pane, Tracing};
 use crate::clock::{Clock, Times};
 use crate::display::{Display, Pictures, writes};
 use crate::error::LiveError;
+use crate::shot::PlanesShot;
 use crate::stage::Stage;
 use quell::gpu::{self, Channel, DebugTarget, DebugView, DebugViews, GuideTextures, Scalar, Signal, wgpu};
 use quell::{Camera, Settings, Size};
 use quell_trace::gpu::{Kernels, Planes, View};
-use quell_trace::{Control, RenderOptions, Rendered, jitter_of};
+use quell_trace::{RenderOptions, jitter_of};
 use std::sync::Arc;
 
 /// What is looked at in a frame.
@@ -287,19 +288,15 @@ impl Engine {
         all
     }
 
-    /// The last frame as `quell render` would write it: traced once more, with the same samples, and read back through `run`,
-    /// which submits and waits.
+    /// The last frame as `quell render` would write it: traced once more, with the same samples, and read back. It submits, and
+    /// waits for nothing.
     ///
     /// # Errors
-    /// Nothing was shown yet; what `run` fails with.
-    pub fn planes_of_last(
-        &self,
-        run: impl quell_trace::gpu::Run<LiveError>,
-    ) -> Result<(Rendered, Settings), LiveError> {
+    /// Nothing was shown yet; what keeps it from being traced.
+    pub fn planes_of_last(&self) -> Result<PlanesShot, LiveError> {
         let (Some(stage), Some(last)) = (&self.stage, self.last) else { return Err(LiveError::NoScene) };
         let options = options(last.tracing, self.size());
-        let rendered = stage.rendered(&options, &last.view, &Control::default(), run)?;
-        Ok((rendered, self.settings.clone()))
+        PlanesShot::new(&self.device, &self.queue, |submit| stage.read_back(&options, &last.view, submit))
     }
 }
 

@@ -8,7 +8,7 @@
 //! pilot.rs    cameras: the scene's own, orbit, fly
 //! choice.rs   what a frame is made with: settings, ablations, paths, panes
 //! clock.rs    timestamps of the tracer's and the display's passes
-//! shot.rs     pictures read back
+//! shot.rs     pictures and a frame's planes read back, without waiting
 //! error.rs    every error
 //! window/     the program around it (feature `window`): egui
 //! ```
@@ -32,5 +32,5 @@ pub use clock::Times;
 pub use engine::{Engine, Made, Sight};
 pub use error::LiveError;
 pub use pilot::{Mode, Pilot, View};
-pub use shot::Shot;
+pub use shot::{PlanesShot, Shot};
 pub use stage::{Lamp, Stage, is_file, open, open_bytes};

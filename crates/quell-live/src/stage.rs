@@ -1,12 +1,11 @@
 //! A scene, checked, made ready and uploaded. It can be made on any thread while another one is shown.
 
 use crate::error::LiveError;
+use crate::shot::Submit;
 use quell::Size;
 use quell_trace::gltf::{self, Loaded};
-use quell_trace::gpu::{Kernels, LiveTracer, Run, View, wgpu};
-use quell_trace::{
-    Control, Half, PointlikeLight, ReferenceKind, RenderOptions, Rendered, Scene, Tracer, Track, builtin,
-};
+use quell_trace::gpu::{Kernels, LiveTracer, Unread, View, wgpu};
+use quell_trace::{Control, Half, PointlikeLight, ReferenceKind, RenderOptions, Scene, Tracer, Track, builtin};
 use std::path::Path;
 use std::sync::Arc;
 
@@ -161,14 +160,13 @@ impl Stage {
         self.tracer.notes()
     }
 
-    pub(crate) fn rendered(
+    pub(crate) fn read_back(
         &self,
         options: &RenderOptions,
         view: &View,
-        control: &Control<'_>,
-        run: impl Run<LiveError>,
-    ) -> Result<Rendered, LiveError> {
-        self.tracer.render(options, view, control, run)
+        submit: &mut Submit<'_>,
+    ) -> Result<Unread, LiveError> {
+        self.tracer.read_back(options, view, submit)
     }
 
     pub(crate) fn tracer(&mut self) -> &mut LiveTracer {

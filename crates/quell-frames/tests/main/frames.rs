@@ -3,8 +3,8 @@
 use crate::Folder;
 use quell::{Camera, FrameBuf, PassBuf, Plane, Rgb, Signal, Size};
 use quell_frames::{
-    Content, Error, FrameFile, FrameToWrite, Half, HalfBuf, Metadata, Precision, WriteOptions, find_frames, frame_path,
-    read_frame, write_frame,
+    Content, Error, FrameFile, FrameToWrite, Half, HalfBuf, Metadata, Precision, WriteOptions, find_frames,
+    frame_bytes, frame_path, read_frame, write_frame,
 };
 use std::fs;
 use std::path::Path;
@@ -215,6 +215,19 @@ fn pixel_bytes_do_not_depend_on_the_number_of_threads() {
     const LONGEST_HEADER: usize = 8192;
     assert!(bytes[0].len() > 2 * LONGEST_HEADER && bytes[0].len() == bytes[1].len());
     assert!(bytes[0][LONGEST_HEADER..] == bytes[1][LONGEST_HEADER..]);
+}
+
+#[test]
+fn a_file_in_memory_is_the_file_on_disk() {
+    let folder = Folder::new("bytes");
+    let frame = full_file(Size::new(17, 33)).frame;
+    let file = FrameToWrite::new(frame.frame(&[]));
+    let [written, memory] = ["written.exr", "memory.exr"].map(|name| folder.0.join(name));
+    write_frame(&written, &file, &WriteOptions::default()).unwrap();
+    fs::write(&memory, frame_bytes(Path::new("memory"), &file, Precision::Float).unwrap()).unwrap();
+    assert_same(&read_frame(&written).unwrap(), &read_frame(&memory).unwrap());
+    let half = frame_bytes(Path::new("memory"), &file, Precision::Half).unwrap();
+    assert!((half.len() as u64) < fs::metadata(&memory).unwrap().len());
 }
 
 #[test]

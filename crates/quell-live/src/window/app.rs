@@ -11,11 +11,12 @@ use crate::clock::Times;
 use crate::engine::{Engine, Made, Sight};
 use crate::error::LiveError;
 use crate::pilot::{Mode, Pilot, View};
-use crate::shot::Shot;
+use crate::shot::{PlanesShot, Shot};
 use eframe::egui;
 use eframe::egui_wgpu::RenderState;
 use quell::Size;
 use quell::gpu::wgpu;
+use quell_frames::{Content, FrameToWrite, Metadata};
 use std::collections::VecDeque;
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -95,6 +96,7 @@ pub(super) struct App {
     shown_at: Option<f64>,
     is_busy: Arc<AtomicBool>,
     shot: Option<(Shot, PathBuf)>,
+    planes: Option<(PlanesShot, Metadata, PathBuf)>,
     pub(super) trouble: Trouble,
     pub(super) marks: Marks,
     /// A page has no folder for hundreds of pictures.
@@ -157,6 +159,7 @@ impl App {
             shown_at: None,
             is_busy: Arc::default(),
             shot: None,
+            planes: None,
             trouble,
             marks: Marks::default(),
             #[cfg(not(target_arch = "wasm32"))]
@@ -384,12 +387,43 @@ impl App {
         }
     }
 
-    /// The last frame's planes as a file.
-    #[cfg(not(target_arch = "wasm32"))]
+    /// Begins the last frame's way to a file of its planes.
     pub(super) fn save_planes(&mut self) {
+        if self.planes.is_some() {
+            return;
+        }
         let number = self.last.map_or(0, |made| made.number);
         let path = self.file(&format!("{number:05}"), "exr");
-        match super::native::write_planes(self, &path) {
+        match self.engine.planes_of_last() {
+            Ok(shot) => self.planes = Some((shot, self.metadata(), path)),
+            Err(error) => self.error = Some(error.to_string()),
+        }
+    }
+
+    /// What stands in the header of a frame's planes.
+    fn metadata(&self) -> Metadata {
+        let tracing = self.choice.tracing;
+        Metadata {
+            content: Content::Noisy,
+            scene: self.name.clone(),
+            sampling: format!(
+                "exact, {} samples, {} bounces, {} shadow rays, traced on a GPU",
+                tracing.paths, tracing.bounces, tracing.direct_samples
+            ),
+            exposure: self.engine.stage().map_or(1.0, |stage| stage.scene().exposure),
+            ..Metadata::default()
+        }
+    }
+
+    /// Ends it, once all bands are there.
+    fn finish_planes(&mut self) {
+        let Some(taken) = self.planes.as_mut().and_then(|(shot, ..)| shot.take()) else { return };
+        let Some((_, metadata, path)) = self.planes.take() else { return };
+        let written = taken.and_then(|rendered| {
+            let frame = FrameToWrite { metadata, ..FrameToWrite::new(rendered.frame.frame(&[])) };
+            write_planes(&path, &frame)
+        });
+        match written {
             Ok(()) => self.said = Some(format!("wrote {}", path.display())),
             Err(error) => self.error = Some(error.to_string()),
         }
@@ -480,6 +514,7 @@ impl eframe::App for App {
         self.picture(ui, now);
         self.make(now);
         self.finish_shot();
+        self.finish_planes();
         #[cfg(not(target_arch = "wasm32"))]
         if let Some(mut drive) = self.drive.take() {
             drive.after_frame(self, &ctx);
@@ -495,5 +530,12 @@ fn write(path: &std::path::Path, bytes: &[u8]) -> Result<(), LiveError> {
     quell_frames::files::write_bytes(path, bytes).map_err(|error| LiveError::Write(error.to_string()))
 }
 
+#[cfg(not(target_arch = "wasm32"))]
+fn write_planes(path: &std::path::Path, frame: &FrameToWrite<'_>) -> Result<(), LiveError> {
+    let options = quell_frames::WriteOptions::default();
+    quell_frames::write_frame(path, frame, &options).map_err(|error| LiveError::Write(error.to_string()))?;
+    Ok(())
+}
+
 #[cfg(target_arch = "wasm32")]
-use super::page::write;
+use super::page::{write, write_planes};

@@ -2,18 +2,16 @@
 
 use super::adapter::{device_descriptor, size};
 use super::app::{App, Start, Trouble};
-use crate::error::LiveError;
 use crate::stage::is_file;
 use eframe::egui;
 use eframe::egui_wgpu::{WgpuConfiguration, WgpuSetup, WgpuSetupCreateNew};
 use quell::Size;
 use quell::gpu::wgpu;
-use quell_frames::{Content, FrameToWrite, Metadata, WriteOptions, write_frame};
 use std::ffi::OsString;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::process::ExitCode;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex};
 
 const USAGE: &str = "\
 quell-live glossy-room                 a built-in scene, walked through
@@ -230,57 +228,6 @@ fn window(options: &Options, lost: Arc<AtomicBool>) -> Result<(), String> {
         }),
     );
     made.map_err(|error| error.to_string())
-}
-
-/// The running frame's planes, as `quell render` writes them.
-pub(super) fn write_planes(app: &App, path: &Path) -> Result<(), LiveError> {
-    let (rendered, _) = app.engine.planes_of_last(|encoder, read| blocking(app, encoder, read))?;
-    let tracing = app.choice.tracing;
-    let metadata = Metadata {
-        content: Content::Noisy,
-        scene: app.name.clone(),
-        sampling: format!(
-            "exact, {} samples, {} bounces, {} shadow rays, traced on a GPU",
-            tracing.paths, tracing.bounces, tracing.direct_samples
-        ),
-        exposure: app.engine.stage().map_or(1.0, |stage| stage.scene().exposure),
-        ..Metadata::default()
-    };
-    let frame = FrameToWrite { metadata, ..FrameToWrite::new(rendered.frame.frame(&[])) };
-    write_frame(path, &frame, &WriteOptions::default()).map_err(|error| LiveError::Write(error.to_string()))?;
-    Ok(())
-}
-
-/// Submits, waits, and reads what is asked for.
-fn blocking(
-    app: &App,
-    mut encoder: wgpu::CommandEncoder,
-    read: Option<(&wgpu::Buffer, u64)>,
-) -> Result<Vec<u8>, LiveError> {
-    let failed =
-        |error: &dyn std::fmt::Display| LiveError::Device(format!("reading the frame's planes failed: {error}"));
-    let copy = read.map(|(buffer, bytes)| {
-        let copy = app.device.create_buffer(&wgpu::BufferDescriptor {
-            label: Some("planes"),
-            size: bytes,
-            usage: wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST,
-            mapped_at_creation: false,
-        });
-        encoder.copy_buffer_to_buffer(buffer, 0, &copy, 0, bytes);
-        copy
-    });
-    app.queue.submit([encoder.finish()]);
-    if let Some(copy) = &copy {
-        copy.map_async(wgpu::MapMode::Read, .., |_| ());
-    }
-    app.device.poll(wgpu::PollType::wait_indefinitely()).map_err(|error| failed(&error))?;
-    let said = app.trouble.lock().unwrap_or_else(PoisonError::into_inner).clone();
-    if let Some(words) = said {
-        return Err(LiveError::Device(words));
-    }
-    let Some(copy) = copy else { return Ok(Vec::new()) };
-    let bytes = copy.get_mapped_range(..).map_err(|error| failed(&error))?.to_vec();
-    Ok(bytes)
 }
 
 #[cfg(test)]

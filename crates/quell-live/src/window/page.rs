@@ -8,6 +8,7 @@ use crate::error::LiveError;
 use crate::stage::{loaded, parsed};
 use eframe::egui_wgpu::{WgpuConfiguration, WgpuSetup, WgpuSetupCreateNew};
 use quell::gpu::wgpu;
+use quell_frames::{FrameToWrite, Precision, frame_bytes};
 use std::cell::RefCell;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex};
@@ -220,6 +221,12 @@ async fn fetched(address: &str) -> Result<Vec<u8>, String> {
 pub(super) fn write(path: &Path, bytes: &[u8]) -> Result<(), LiveError> {
     let name = path.to_string_lossy();
     download(&name, bytes).map_err(|error| LiveError::Write(format!("{name}: the browser refuses it: {error:?}")))
+}
+
+/// The same of a frame's planes, as EXR.
+pub(super) fn write_planes(path: &Path, frame: &FrameToWrite<'_>) -> Result<(), LiveError> {
+    let bytes = frame_bytes(path, frame, Precision::Float).map_err(|error| LiveError::Write(error.to_string()))?;
+    write(path, &bytes)
 }
 
 fn download(name: &str, bytes: &[u8]) -> Result<(), JsValue> {

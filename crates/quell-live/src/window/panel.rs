@@ -323,7 +323,6 @@ impl App {
             if self.button(ui, "save PNG", "The picture as it is shown (P).") {
                 self.save_picture();
             }
-            #[cfg(not(target_arch = "wasm32"))]
             if self.button(ui, "save EXR", "The running frame's planes, as `quell render` writes them.") {
                 self.save_planes();
             }

@@ -1,8 +1,7 @@
 //! A device for the tests, an engine on it, and what it shows.
 
-use quell::gpu::wgpu;
 use quell::{Plane, Rgb, Size};
-use quell_host::{Gpu, Readback, Wanted};
+use quell_host::{Gpu, Wanted};
 use quell_live::{Choice, Engine, LiveError, Made, Mode, Pilot, Shot, Sight, Stage};
 use quell_trace::gpu::Kernels;
 use quell_trace::{Rendered, Scene, builtin};
@@ -78,15 +77,11 @@ impl Device {
     }
 
     pub fn planes(&self, engine: &Engine) -> Rendered {
-        let run = |mut encoder: wgpu::CommandEncoder, read: Option<(&wgpu::Buffer, u64)>| {
-            let mut readback = Readback::default();
-            if let Some((buffer, bytes)) = read {
-                readback.buffer(&self.gpu, &mut encoder, buffer, bytes);
-            }
-            let read = readback.read(&self.gpu, encoder, "planes").map_err(|e| LiveError::Device(e.to_string()))?;
-            Ok(read.into_iter().next().unwrap_or_default())
-        };
-        engine.planes_of_last(run).unwrap().0
+        let mut shot = engine.planes_of_last().unwrap();
+        self.gpu.run(self.gpu.encoder("test"), "planes").unwrap();
+        let planes = shot.take().expect("it was waited for").unwrap();
+        assert!(shot.take().is_none(), "it was taken");
+        planes
     }
 }
 

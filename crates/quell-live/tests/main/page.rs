@@ -8,6 +8,7 @@ mod browser;
 #[path = "../../../quell-lab/tests/main/web/server.rs"]
 mod server;
 
+use base64::Engine;
 use browser::Browser;
 use serde_json::Value;
 use server::Server;
@@ -131,6 +132,48 @@ impl Page {
         self.browser.value("quell.freeze(false)");
     }
 
+    /// From now on keeps what the page hands the browser to download.
+    fn keep_downloads(&self) {
+        self.browser.value(
+            "(() => { const make = URL.createObjectURL, click = HTMLAnchorElement.prototype.click; window.saved = []; \
+             URL.createObjectURL = (blob) => { saved.push(blob); return make.call(URL, blob); }; \
+             HTMLAnchorElement.prototype.click = function () { window.savedAs = this.download; click.call(this); }; })()",
+        );
+    }
+
+    /// The last of these, written beside the pictures.
+    fn downloaded(&self) -> PathBuf {
+        let text = self.browser.awaited(
+            "saved.at(-1).arrayBuffer().then((bytes) => \
+             btoa(Array.from(new Uint8Array(bytes), (c) => String.fromCharCode(c)).join('')))",
+        );
+        let name = self.browser.value("savedAs");
+        let path = self.pictures.join(name.as_str().unwrap());
+        let bytes = base64::engine::general_purpose::STANDARD.decode(text.as_str().unwrap()).unwrap();
+        std::fs::create_dir_all(&self.pictures).unwrap();
+        std::fs::write(&path, bytes).unwrap();
+        path
+    }
+
+    /// Scrolls the controls until one of them is to be seen.
+    #[track_caller]
+    fn scroll_to(&self, name: &str) {
+        let over = (60.0, 300.0);
+        // The wheel turns what the pointer is over.
+        self.browser.value(&format!(
+            "document.querySelector('canvas').dispatchEvent(new MouseEvent('mousemove', {{ clientX: {}, clientY: {}, bubbles: true }}))",
+            over.0, over.1
+        ));
+        for _ in 0..12 {
+            let (_, y) = self.at(name, 0.5, 0.5);
+            if (4.0..640.0).contains(&y) {
+                return;
+            }
+            self.browser.wheel(over, if y > 0.0 { 400 } else { -400 });
+        }
+        panic!("{name} does not come into view");
+    }
+
     #[track_caller]
     fn click(&self, name: &str) {
         let at = self.at(name, 0.5, 0.5);
@@ -221,6 +264,22 @@ fn the_page_is_opened_used_and_refuses_in_words() {
     let (light, steps) = page.look("begin.png", false);
     assert!(light > 40.0 && light < 220.0 && steps > 1.0);
 
+    // The running frame's planes are those that were traced.
+    page.keep_downloads();
+    page.scroll_to("save EXR");
+    page.click("save EXR");
+    let said = page.until("an EXR", |report| report["said"].is_string() || report["error"].is_string());
+    let path = page.downloaded();
+    println!("{}: {} bytes", path.display(), std::fs::metadata(&path).unwrap().len());
+    assert!(said["said"].as_str().unwrap().ends_with(path.file_name().unwrap().to_str().unwrap()), "{said}");
+    let planes = quell_frames::read_frame(&path).unwrap();
+    assert_eq!((planes.frame.size, planes.metadata.scene.as_str()), (quell::Size::new(128, 72), "cornell-box"));
+    assert_eq!(Some(planes.frame.index), said["frame"].as_i64());
+    let depth = planes.frame.view_depth.unwrap();
+    assert!(depth.data().iter().filter(|d| d.is_finite() && **d > 0.0).count() > 1000);
+    assert!(planes.frame.matte.unwrap().data().iter().flatten().sum::<f32>() > 100.0);
+
+    page.scroll_to("scene");
     page.click("scene");
     page.click("scene disocclusion");
     page.until("another scene", |report| report["scene"] == "disocclusion");
@@ -256,9 +315,15 @@ fn the_page_is_opened_used_and_refuses_in_words() {
     page.until("a flight", |report| report["camera"] == "Fly");
     page.drag(page.at("split 1", 0.5, 0.6), page.at("picture", 0.2, 0.6));
     page.until("a split elsewhere", |report| numbers(&report["splits"])[0] < 0.4);
+    // What renderers build themselves, beside it.
+    page.click("a-trous");
+    page.click("SVGF");
     page.go_on();
-    page.frames(1);
+    page.frames(2);
     page.freeze();
+    let used = page.report();
+    assert_eq!(used["panes"], serde_json::json!(["noisy", "a-trous", "SVGF", "quell"]));
+    assert_eq!(used["error"], before["error"], "nothing new is refused");
     page.look("used.png", false);
 
     // A file by the address, without controls; a click brings them, Tab hides them.

@@ -25,6 +25,13 @@ click picture 0.25
 drag "split 1" 0.5 0.3 4.0 0.3
 report split.json
 window split.png
+click a-trous 0.1
+click SVGF 0.1
+frames 2
+report baselines.json
+window baselines.png
+click a-trous 0.1
+click SVGF 0.1
 click pictures 0.1
 click matte_bilateral 0.1
 drag matte_bilateral.taps 0.1 0.5 0.4 0.5
@@ -59,6 +66,7 @@ report written.json
 click "save PNG"
 frames 2
 click "save EXR"
+frames 2
 report saved.json
 resize 420 260
 frames 1
@@ -169,6 +177,10 @@ fn the_window_is_opened_clicked_through_and_closed() {
     assert!(bare > 1.3 * filtered);
     let preset = read("preset.json");
     assert_eq!((&preset["ablations"][0], &preset["settings"]["matte_bilateral.taps"]), (&false.into(), &"24".into()));
+
+    let baselines = read("baselines.json");
+    assert_eq!(baselines["error"], Value::Null);
+    assert_eq!(baselines["panes"], serde_json::json!(["noisy", "a-trous", "SVGF", "quell"]));
 
     let (flown, turned, nearer) = (read("flown.json"), read("turned.json"), read("nearer.json"));
     assert_eq!((&flown["camera"], &turned["camera"]), (&"Fly".into(), &"Orbit".into()));

@@ -137,3 +137,43 @@ pub(super) fn reference_steps(
     }
     steps
 }
+
+/// Bytes of a number in a plane.
+const NUMBER: u32 = 4;
+/// Planes of a colour.
+const COLOUR: u32 = 3;
+/// Planes of the guides, which the eye's ray fills: weights, normal, depth, roughness, motion, surface id.
+const GUIDES: u32 = 2 * COLOUR + COLOUR + 1 + 1 + 2 + 1;
+/// Planes that count rays.
+const COUNTS: u32 = 2;
+
+/// Bytes a pixel that a step reads and writes between the passes, at the least: where a surface is seen and nothing is in front of
+/// it, each plane once. What a scene's buffers and textures give is not in it: how much of that comes from caches depends on the
+/// scene.
+pub(super) fn bytes_per_pixel((kernel, job): &Step, variant: Variant) -> u32 {
+    let slot = layout::SLOT_BYTES as u32;
+    let counted = 2 * COUNTS * NUMBER;
+    let direct = COLOUR * NUMBER;
+    match kernel {
+        // Flags of further slots are cleared.
+        Kernel::Primary => slot + (variant.slots() - 1) * NUMBER + (GUIDES + COUNTS) * NUMBER,
+        Kernel::Paths if job.flags & layout::IS_SIGNAL != 0 => {
+            let halves = if job.flags & layout::IN_HALVES != 0 { 2 * COLOUR } else { 0 };
+            // Mean, hit distance, variance.
+            slot + (COLOUR + 2 + halves) * NUMBER + counted
+        }
+        Kernel::Paths if job.slot == 0 && job.only == ANY => slot + 2 * direct + counted,
+        // Flags of the first slot and of one that is empty.
+        Kernel::Paths => 2 * NUMBER,
+        Kernel::Direct if job.slot == 0 => slot + direct + counted,
+        Kernel::Direct => slot + 2 * direct,
+        // Of references alone, which nobody counts.
+        Kernel::Accumulate => 0,
+    }
+}
+
+/// Of the passes from planes to textures: every plane that a denoiser reads, and `written` bytes a pixel of textures.
+pub(super) const fn texture_bytes_per_pixel(written: u32) -> u32 {
+    // Direct, matte and glossy light, guides, the glossy hit distance.
+    (3 * COLOUR + GUIDES + 1) * NUMBER + written
+}

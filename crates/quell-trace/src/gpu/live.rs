@@ -1,15 +1,17 @@
 //! Frames that stay on the device: traced into the caller's encoder, their planes as textures for a denoiser.
 
 use super::error::GpuError;
-use super::jobs::{Kernel, Step, frame_steps};
+use super::jobs::{Kernel, Step, bytes_per_pixel, frame_steps, texture_bytes_per_pixel};
 use super::kernels::{JOB_STRIDE, Kernels};
+use super::layout;
+use super::results::FrameResult;
 use super::scenery::{Bands, JOBS_AT_ONCE, Scenery, job_bytes, uniform_of};
-use super::{Run, layout};
 use crate::primary::Views;
 use crate::scene::SceneError;
-use crate::tracer::{Control, RenderOptions, Rendered, SIZE_LIMIT, TraceError, Tracer};
+use crate::tracer::{RenderOptions, Rendered, SIZE_LIMIT, TraceError, Tracer};
 use bytemuck::{Pod, Zeroable, bytes_of};
 use quell::{Camera, Size};
+use std::ops::Range;
 use std::sync::Arc;
 
 /// Who looks, and with which samples.
@@ -65,6 +67,9 @@ pub struct Planes {
 }
 
 impl Planes {
+    /// Bytes a pixel of all of them.
+    pub const BYTES: u32 = 5 * 8 + 16 + 2 * 8 + 4;
+
     /// Textures of an extent that the device has.
     pub fn new(device: &wgpu::Device, size: Size) -> Self {
         use wgpu::TextureFormat::{R32Uint, Rg32Float, Rgba16Float, Rgba32Float};
@@ -129,8 +134,8 @@ struct Band {
 struct Kept {
     bands: Bands,
     plane_count: u32,
-    /// Of `planes.wgsl`, for the textures that it wrote last.
-    written: Option<(Planes, Vec<(wgpu::ComputePipeline, wgpu::BindGroup)>)>,
+    /// Of `planes.wgsl`, for the textures that it wrote lately: those of two eyes, for example.
+    written: Vec<(Planes, Vec<(wgpu::ComputePipeline, wgpu::BindGroup)>)>,
     band: wgpu::Buffer,
 }
 
@@ -142,6 +147,9 @@ pub struct LiveTracer {
     kept: Option<Kept>,
     notes: Vec<String>,
 }
+
+/// Sets of textures whose bindings are kept.
+const MOST_WRITTEN: usize = 4;
 
 /// Passes of a frame that a caller may time, in their order.
 pub const TIMED: [&str; 4] = ["trace primary", "trace signals", "trace direct", "planes"];
@@ -190,6 +198,22 @@ impl LiveTracer {
         self.scenery.memory()
     }
 
+    /// Bytes a pixel that each of [`TIMED`] reads and writes between the passes, at the least: each plane once for every dispatch, without
+    /// what the scene's buffers and textures give.
+    ///
+    /// # Errors
+    /// As [`LiveTracer::encode`].
+    pub fn bytes_per_pixel(&self, options: &RenderOptions) -> Result<[(&'static str, u32); 4], GpuError> {
+        let variant = self.scenery.variant_of(options)?;
+        let mut bytes = TIMED.map(|name| (name, 0));
+        for step in frame_steps(options, variant) {
+            let name = timed_as(step.0, &step.1);
+            bytes.iter_mut().filter(|(n, _)| *n == name).for_each(|(_, b)| *b += bytes_per_pixel(&step, variant));
+        }
+        bytes[3].1 = texture_bytes_per_pixel(Planes::BYTES);
+        Ok(bytes)
+    }
+
     /// What the pictures do not model, in sentences.
     pub fn notes(&self) -> &[String] {
         &self.notes
@@ -218,7 +242,7 @@ impl LiveTracer {
         }
         let bands = self.scenery.bands(options.size, variant, plane_count, work)?;
         let upload = super::upload::Upload { device: &self.scenery.device, queue: &self.scenery.queue };
-        Ok(Kept { bands, plane_count, written: None, band: upload.uniform("quell band", size_of::<Band>()) })
+        Ok(Kept { bands, plane_count, written: Vec::new(), band: upload.uniform("quell band", size_of::<Band>()) })
     }
 
     /// Appends a frame to the caller's encoder: the planes of what `view` sees, as [`super::GpuTracer::render`] would trace them.
@@ -240,9 +264,12 @@ impl LiveTracer {
         let options = RenderOptions { size, ..*options };
         let views = view.views(size)?;
         let mut kept = self.keep(&options)?;
-        let same = kept.written.as_ref().is_some_and(|(p, _)| p.direct == planes.direct);
-        if !same {
-            kept.written = Some((planes.clone(), self.writers(&kept, planes)));
+        if !kept.written.iter().any(|(p, _)| p.direct == planes.direct) {
+            if kept.written.len() >= MOST_WRITTEN {
+                kept.written.remove(0);
+            }
+            let writers = self.writers(&kept, planes);
+            kept.written.push((planes.clone(), writers));
         }
         let kept = &*self.kept.insert(kept);
         let scenery = &self.scenery;
@@ -268,7 +295,8 @@ impl LiveTracer {
             let timestamp_writes = times(TIMED[3]);
             let pass = wgpu::ComputePassDescriptor { label: Some(TIMED[3]), timestamp_writes };
             let mut pass = encoder.begin_compute_pass(&pass);
-            for (pipeline, group) in kept.written.iter().flat_map(|(_, all)| all) {
+            let written = kept.written.iter().filter(|(p, _)| p.direct == planes.direct);
+            for (pipeline, group) in written.flat_map(|(_, all)| all) {
                 pass.set_pipeline(pipeline);
                 pass.set_bind_group(0, group, &[]);
                 pass.dispatch_workgroups((size.width as u32).div_ceil(8), (rows.len() as u32).div_ceil(8), 1);
@@ -305,19 +333,39 @@ impl LiveTracer {
         made.into()
     }
 
-    /// The same frame read back: what `quell render` would write.
+    /// Traces the same frame into buffers that are read back: what `quell render` would write. Nothing is waited for.
+    ///
+    /// `submit` submits each encoder at once, in order; where a buffer comes with it, it first appends a copy of the buffer's first
+    /// bytes: one for each band, which [`Unread::finish`] takes in that order.
     ///
     /// # Errors
-    /// As [`LiveTracer::encode`]; [`TraceError::Cancelled`]; what `run` fails with.
-    pub fn render<E: From<GpuError>>(
+    /// As [`LiveTracer::encode`]; what `submit` fails with.
+    pub fn read_back<E: From<GpuError>>(
         &self,
         options: &RenderOptions,
         view: &View,
-        control: &Control<'_>,
-        run: impl Run<E>,
-    ) -> Result<Rendered, E> {
+        mut submit: impl FnMut(wgpu::CommandEncoder, Option<(&wgpu::Buffer, u64)>) -> Result<(), E>,
+    ) -> Result<Unread, E> {
         let views = view.views(options.size)?;
-        self.scenery.render(options, &views, view.number, self.notes.clone(), control, run)
+        let run = |encoder, read: Option<(&wgpu::Buffer, u64)>| submit(encoder, read).map(|()| Vec::new());
+        self.scenery.render_later(options, &views, view.number, self.notes.clone(), run)
+    }
+}
+
+/// A frame whose bands are on their way from the device.
+#[derive(Debug)]
+pub struct Unread {
+    pub(super) result: FrameResult,
+    pub(super) rows: Vec<Range<usize>>,
+}
+
+impl Unread {
+    /// The frame, of what each band's copy held, in order. A band that is missing is black.
+    pub fn finish(mut self, bands: impl IntoIterator<Item = Vec<u8>>) -> Rendered {
+        for (rows, bytes) in self.rows.iter().zip(bands) {
+            self.result.take(rows, &bytes);
+        }
+        self.result.finish()
     }
 }
 

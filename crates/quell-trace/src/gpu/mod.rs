@@ -35,7 +35,7 @@ mod view;
 
 pub use error::GpuError;
 pub use kernels::Kernels;
-pub use live::{LiveTracer, Planes, TIMED, View};
+pub use live::{LiveTracer, Planes, TIMED, Unread, View};
 pub use wgpu;
 
 use crate::tracer::{Control, Half, Reference, ReferenceKind, RenderOptions, Rendered, TraceError, Tracer};

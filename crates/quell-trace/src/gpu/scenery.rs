@@ -3,6 +3,7 @@
 use super::error::GpuError;
 use super::jobs::{Step, frame_steps, halves_of};
 use super::kernels::{self, JOB_STRIDE, Kernels, Pipelines};
+use super::live::Unread;
 use super::pack::Packed;
 use super::pack::images::Images;
 use super::results::FrameResult;
@@ -190,14 +191,41 @@ impl Scenery {
         control: &Control<'_>,
         run: impl Run<E>,
     ) -> Result<Rendered, E> {
-        let variant = self.variant_of(options)?;
         let mut result = FrameResult::new(options, views, number, notes);
+        self.trace_frame(options, views, number, control, run, |rows, bytes| result.take(rows, bytes))?;
+        Ok(result.finish())
+    }
+
+    /// Traces a frame; what `run` copies is read later.
+    pub(super) fn render_later<E: From<GpuError>>(
+        &self,
+        options: &RenderOptions,
+        views: &Views,
+        number: i64,
+        notes: Vec<String>,
+        run: impl Run<E>,
+    ) -> Result<Unread, E> {
+        let result = FrameResult::new(options, views, number, notes);
+        let mut bands = Vec::new();
+        self.trace_frame(options, views, number, &Control::default(), run, |rows, _| bands.push(rows.clone()))?;
+        Ok(Unread { result, rows: bands })
+    }
+
+    fn trace_frame<E: From<GpuError>>(
+        &self,
+        options: &RenderOptions,
+        views: &Views,
+        number: i64,
+        control: &Control<'_>,
+        run: impl Run<E>,
+        take: impl FnMut(&Range<usize>, &[u8]),
+    ) -> Result<(), E> {
+        let variant = self.variant_of(options)?;
         let (planes, work) = Self::shape_of(options);
         let bands = self.bands(options.size, variant, planes, work)?;
         let steps = frame_steps(options, variant);
         let uniform = self.uniform(options, views, number);
-        self.trace(&bands, &uniform, &steps, control, run, |rows, bytes| result.take(rows, bytes))?;
-        Ok(result.finish())
+        self.trace(&bands, &uniform, &steps, control, run, take)
     }
 
     /// Band by band, part by part.
