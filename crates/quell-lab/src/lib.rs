@@ -11,6 +11,7 @@
 //! backend.rs     which back end filters frames that lie in memory
 //! tracer.rs      which tracer makes frames and references
 //! trial.rs       frames as files, to try a host in another language with (feature `gpu`)
+//! whole_frame.rs a frame traced and denoised on one GPU, pass by pass (feature `gpu`)
 //! cache.rs       references on disk: found by hash, never half written
 //! references.rs  converges a reference in two halves, through the cache, continued where it stopped
 //! ```
@@ -29,5 +30,7 @@ pub mod tone;
 pub mod tracer;
 #[cfg(feature = "gpu")]
 pub mod trial;
+#[cfg(feature = "gpu")]
+pub mod whole_frame;
 
 pub use error::Error;

@@ -75,7 +75,7 @@ pub struct Common {
     /// GPU to use, by part of its name; `quell --version -v` lists them. One in software (llvmpipe) only so
     #[arg(long, global = true, value_name = "NAME")]
     pub device: Option<String>,
-    /// What traces scenes for render and demo, cpu or gpu [default: gpu with --backend gpu, unless that is one in software]
+    /// What traces scenes for render, demo, compare, reproduce and bench, cpu or gpu [default: gpu with --backend gpu, unless that is one in software]
     #[arg(long, global = true, value_name = "NAME", value_parser = values::tracer)]
     pub tracer: Option<values::TracerChoice>,
     /// Named values of all parameters: paper, quality, or sequence for denoise [default: these]
@@ -245,7 +245,8 @@ pub struct ScoreArgs {
 #[derive(Debug, Args)]
 #[command(before_help = "Example: quell bench --backend gpu --size 1280x720,1920x1080,3840x2160,5120x2880 --json")]
 pub struct BenchArgs {
-    /// Trace this glTF file or built-in scene [default: frames that are made up]
+    /// Trace this glTF file or built-in scene; where a GPU traces (--tracer), the whole frame against a budget of 16.6 ms [default:
+    /// frames that are made up]
     #[arg(long, value_name = "SCENE")]
     pub scene: Option<String>,
     #[command(flatten)]

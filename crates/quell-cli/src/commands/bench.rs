@@ -1,5 +1,7 @@
 //! `quell bench`: the time of each stage beside the paper's, with the floor of each; rays a second of a scene.
 
+#[cfg(feature = "gpu")]
+mod budget;
 mod cycles;
 mod sequence;
 mod synthetic;
@@ -21,6 +23,8 @@ use quell_lab::backend::{Backend, DeviceMemory};
 use quell_lab::report::document::Section;
 use quell_lab::report::table::Table;
 use quell_lab::report::{Machine, Spread, StageTime};
+#[cfg(feature = "gpu")]
+use quell_lab::tracer::TraceOn;
 use quell_trace::{Control, RenderOptions, Tracer};
 use serde_json::{Map, Value, json};
 use std::collections::BTreeMap;
@@ -45,6 +49,12 @@ pub fn run(context: &Context, args: BenchArgs) -> Result<(), Failure> {
         return sequence::run(context, &args);
     }
     let backend = context.backend()?;
+    #[cfg(feature = "gpu")]
+    if let Some(scene) = &args.scene
+        && let TraceOn::Gpu(gpu, kernels) = context.tracer()?
+    {
+        return budget::run(context, &args, scene, &gpu, &kernels);
+    }
     let mut report = context.report();
     let bandwidth = Bandwidth::of(backend, args.bandwidth)?;
     let mut text = String::new();
@@ -102,6 +112,11 @@ pub fn run(context: &Context, args: BenchArgs) -> Result<(), Failure> {
                 rays.per_pixel,
                 rays.milliseconds
             ));
+        }
+        if rays.is_some() && backend.is_software() {
+            text.push_str(
+                "the scene was traced on the CPU; --tracer gpu traces it on the adapter and times the whole frame\n",
+            );
         }
         text.push('\n');
         runs.push(json!({
