@@ -44,6 +44,15 @@ impl TraceOn {
         }
     }
 
+    /// What headers and descriptions say of frames of this tracer; nothing for the CPU's.
+    pub const fn label(&self) -> &'static str {
+        match self {
+            Self::Cpu => "",
+            #[cfg(feature = "gpu")]
+            Self::Gpu(..) => ", traced on a GPU",
+        }
+    }
+
     /// What names this tracer in the cache of references; nothing for the CPU's, which was there first.
     pub(crate) const fn key_suffix(&self) -> &'static str {
         match self {

@@ -40,11 +40,13 @@ pub fn run(context: &Context, args: ReproduceArgs) -> Result<(), Failure> {
     let cache = Cache::default_place();
     let notify = |what: &str| context.note(what);
     let program = program(&context.program);
+    let on = context.tracer()?;
     let shop = Workshop {
         folder: &args.output,
         cache: cache.as_ref(),
         program: &program,
         backend,
+        on: &on,
         memory: &Counted,
         cancel: Some(interrupt::flag()),
         notify: &notify,

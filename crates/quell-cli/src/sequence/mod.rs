@@ -288,7 +288,7 @@ impl Job {
         files::Labels {
             scene: format!("{} camera {}", self.scene.name, self.camera),
             scene_hash: quell_trace::scene_hash(&self.scene, &self.options),
-            sampling: format!("{}{}", self.sampling(), if on.name() == "cpu" { "" } else { ", traced on a GPU" }),
+            sampling: self.sampling() + on.label(),
             settings: crate::context::settings_toml(context.preset, &context.settings),
             exposure: self.scene.exposure,
         }

@@ -4,10 +4,11 @@ use super::folder::noisy_frame;
 use super::sequence::{NoisyFrame, ReferenceHalf, Sequence, SequenceReference, Stored, scored_of};
 use crate::cache::Cache;
 use crate::error::Error;
-use crate::references::{ReferenceOf, ReferencePair, ReferenceTarget, converge};
+use crate::references::{ReferenceOf, ReferencePair, ReferenceTarget, converge_on};
 use crate::tone::Tone;
+use crate::tracer::TraceOn;
 use quell_frames::{Content, FrameToWrite, Half, Metadata, WriteOptions, frame_path, read_frame, write_frame};
-use quell_trace::{Control, Estimator, RenderOptions, Scene, TraceError, Tracer, scene_hash};
+use quell_trace::{Control, Estimator, RenderOptions, Scene, scene_hash};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
@@ -33,6 +34,8 @@ pub struct SceneSource<'a> {
     pub target: ReferenceTarget,
     /// Frames that get references, ascending.
     pub references: Vec<i64>,
+    /// What traces frames and references. Those of another tracer are not taken from `folder` or `cache`.
+    pub on: &'a TraceOn,
     /// Where references are kept.
     pub cache: Option<&'a Cache>,
     /// Where noisy frames are kept, as `noisy/noisy.0012.exr`; without it, in memory.
@@ -52,7 +55,7 @@ impl SceneSource<'_> {
     /// Renders what is not kept yet. `notify` hears of progress, often.
     ///
     /// # Errors
-    /// [`Error::Trace`] ([`TraceError::Cancelled`] after a stop; what was finished is kept), files that cannot be
+    /// [`Error::Trace`] ([`quell_trace::TraceError::Cancelled`] after a stop; what was finished is kept), files that cannot be
     /// written, [`Error::Empty`] without frames.
     pub fn load(
         &self,
@@ -76,7 +79,7 @@ impl SceneSource<'_> {
         };
         let mut sequence = Sequence {
             name: self.scene.name.clone(),
-            description: format!("camera {}; {}", self.camera, sampling(&options)),
+            description: format!("camera {}; {}", self.camera, self.sampling(&options)),
             size: options.size,
             numbers: self.frames.clone(),
             scored: scored_of(&self.frames, &self.references),
@@ -85,7 +88,7 @@ impl SceneSource<'_> {
                 "{} camera {}, {}, exposure {}",
                 scene_hash(self.scene, &options),
                 self.camera,
-                sampling(&options),
+                self.sampling(&options),
                 self.scene.exposure
             ),
             notes: Vec::new(),
@@ -119,7 +122,7 @@ impl SceneSource<'_> {
                 ReferenceOf { scene: self.scene, camera: self.camera, frame: number, options: &reference_options };
             let before = noisy_done + work.reference * index as f32;
             let control = Control { cancel, progress: None };
-            let pair = converge(self.cache, &what, &self.target, &control, |p| {
+            let pair = converge_on(self.on, self.cache, &what, &self.target, &control, |p| {
                 let part = p.samples as f32 / p.of.max(1) as f32;
                 let share = (before + part.min(1.0) * work.reference) / work.total;
                 let note = format!(
@@ -134,6 +137,11 @@ impl SceneSource<'_> {
             sequence.references.insert(number, reference_of(pair)?);
         }
         Ok(sequence)
+    }
+
+    /// How light was sampled, and by which tracer where that is not the CPU's.
+    fn sampling(&self, options: &RenderOptions) -> String {
+        sampling(options) + self.on.label()
     }
 
     /// As the noisy frames are traced.
@@ -153,7 +161,7 @@ impl SceneSource<'_> {
             content: Content::Noisy,
             scene: format!("{} camera {}", self.scene.name, self.camera),
             scene_hash: scene_hash(self.scene, options),
-            sampling: sampling(options),
+            sampling: self.sampling(options),
             exposure: self.scene.exposure,
             ..Metadata::default()
         };
@@ -169,8 +177,7 @@ impl SceneSource<'_> {
                 return Ok((noisy_frame(file), Some(path.to_owned())));
             }
         }
-        let tracer = Tracer::new(self.scene, number, self.camera).map_err(TraceError::Scene)?;
-        let rendered = tracer.render(options, control)?;
+        let rendered = self.on.tracer(self.scene, number, self.camera)?.render(options, control)?;
         for note in rendered.notes {
             if !notes.contains(&note) {
                 notes.push(note);

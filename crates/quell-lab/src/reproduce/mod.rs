@@ -19,6 +19,7 @@ use crate::error::Error;
 use crate::references::ReferenceTarget;
 use crate::report::document::Section;
 use crate::report::table::significant;
+use crate::tracer::TraceOn;
 use quell::Size;
 use quell_trace::{RenderOptions, Scene};
 use std::path::Path;
@@ -35,6 +36,8 @@ pub struct Workshop<'a> {
     pub program: &'a str,
     /// What quell runs on.
     pub backend: &'a Backend,
+    /// What traces frames and references.
+    pub on: &'a TraceOn,
     /// Measures memory.
     pub memory: &'a dyn Memory,
     /// Work ends soon after this turns true.
@@ -83,6 +86,7 @@ impl Workshop<'_> {
             options: RenderOptions { samples, seed: view.seed, ..RenderOptions::new(view.size) },
             target: ReferenceTarget { samples: view.reference_samples.max(1), ..ReferenceTarget::default() },
             references: if view.reference_samples == 0 { Vec::new() } else { references },
+            on: self.on,
             cache: self.cache,
             folder: Some(folder),
         };

@@ -7,7 +7,7 @@ use crate::methods::external::Competitor;
 use crate::metrics::{Exposures, FrameScores};
 use crate::report::document::{Figure, Section};
 use crate::report::table::Table;
-use quell_trace::{Control, RenderOptions, Scene, Tracer};
+use quell_trace::{Control, RenderOptions, Scene};
 use serde::Serialize;
 
 const DENOISED: &str = "quell:paper";
@@ -55,7 +55,7 @@ pub fn paths(shop: &Workshop<'_>, scenes: &[Scene], view: &View, frames: &[i64])
             Some(reference) => Some(Exposures::from_reference([(&reference.mean, depth.as_ref())])?),
             None => None,
         };
-        let tracer = Tracer::new(scene, last, view.camera).map_err(quell_trace::TraceError::from)?;
+        let tracer = shop.on.tracer(scene, last, view.camera)?;
         let mut pictures = Vec::new();
         for paths in PATHS {
             (shop.notify)(&format!("{}: {paths} paths", scene.name));

@@ -6,6 +6,7 @@ use quell_lab::Error;
 use quell_lab::compare::scene::SequenceProgress;
 use quell_lab::compare::{FolderSource, SceneSource, Sequence};
 use quell_lab::references::ReferenceTarget;
+use quell_lab::tracer::TraceOn;
 use quell_trace::{RenderOptions, Scene, builtin};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
@@ -26,6 +27,7 @@ fn source<'a>(scene: &'a Scene, samples: u32, place: Option<&'a Path>) -> SceneS
         options: RenderOptions { samples, direct_samples: 2, seed: 7, ..RenderOptions::new(SIZE) },
         target: ReferenceTarget { samples: 2, batch: 2, ..ReferenceTarget::default() },
         references: vec![2, 3],
+        on: &TraceOn::Cpu,
         cache: None,
         folder: place,
     }

@@ -6,6 +6,8 @@ mod compare;
 mod comparison;
 #[cfg(feature = "gpu")]
 mod gpu;
+#[cfg(feature = "gpu")]
+mod gpu_traced;
 mod metrics;
 mod offline;
 mod oidn;

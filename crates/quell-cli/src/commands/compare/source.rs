@@ -131,6 +131,7 @@ impl Source {
         if let Some(cache) = &from.cache {
             context.detail(&format!("references are kept in {}", cache.folder().display()));
         }
+        let on = context.tracer()?;
         let source = SceneSource {
             scene: &from.scene,
             camera: from.camera,
@@ -138,6 +139,7 @@ impl Source {
             options: RenderOptions { seed: from.options.seed.wrapping_add(turn), ..from.options },
             target: from.target,
             references: from.references.clone(),
+            on: &on,
             cache: from.cache.as_ref(),
             folder: Some(folder),
         };

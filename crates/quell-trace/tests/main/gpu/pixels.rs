@@ -132,30 +132,52 @@ fn pixels_of_shared_files_have_the_cpus_values() {
     }
 }
 
+/// Columns of the contact sheet; each has a file's pictures by the GPU, by the CPU, and how far they differ.
+const COLUMNS: u32 = 3;
+const SHEET: Size = Size::new(128, 72);
+
 #[test]
-#[ignore = "all files of the shared folder: minutes, and their pictures"]
+#[ignore = "all files of the shared folder: some minutes, and a contact sheet to look at"]
 fn every_shared_file_has_the_cpus_picture() {
     let Some(device) = device() else { return };
-    let folder = std::env::temp_dir().join("quell-gpu-files");
+    let folder = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join("gpu-files");
     std::fs::create_dir_all(&folder).unwrap();
     let files = std::fs::read_dir(PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../../shared/scenes")).unwrap();
     let mut names: Vec<String> = files
         .filter_map(|f| f.unwrap().file_name().into_string().ok()?.strip_suffix(".glb").map(str::to_owned))
         .collect();
     names.sort();
-    for name in names {
-        let Some(Loaded { scene, .. }) = shared(&name) else { return };
-        let options = RenderOptions { direct_samples: 8, samples: 4, ..RenderOptions::new(Size::new(160, 90)) };
+    let [width, height] = [SHEET.width as u32, SHEET.height as u32];
+    let mut sheet = image::RgbImage::new(COLUMNS * 3 * width, (names.len() as u32).div_ceil(COLUMNS) * height);
+    let mut wrong = Vec::new();
+    for (number, name) in (0..).zip(&names) {
+        let Some(Loaded { scene, .. }) = shared(name) else { return };
+        let options = RenderOptions { direct_samples: 4, samples: 4, ..RenderOptions::new(SHEET) };
         let gpu = device.tracer(&scene, 10, 1);
         let ours = device.render(&gpu, &options).unwrap();
         let expected = gpu.tracer().render(&options, &Control::default()).unwrap();
-        println!("{name}: {:.4?}", agreement(&ours.frame, &expected.frame));
         let both = [ours.frame.composite(), expected.frame.composite()];
-        let mean = both[1].data().iter().map(|p| quell::luminance(*p)).sum::<f32>() / both[1].data().len() as f32;
-        let picture = image::RgbImage::from_fn(320, 90, |x, y| {
-            let p = both[(x / 160) as usize].at((x % 160) as usize, y as usize);
-            image::Rgb(p.map(|v| ((v * 0.25 / mean.max(1e-9)).clamp(0.0, 1.0).powf(1.0 / 2.2) * 255.0) as u8))
-        });
-        picture.save(folder.join(format!("{name}.png"))).unwrap();
+        let mean = |p: &Plane<Rgb>| p.data().iter().map(|p| quell::luminance(*p)).sum::<f32>() / p.data().len() as f32;
+        let light = mean(&both[0]) / mean(&both[1]).max(1e-12);
+        let shares = agreement(&ours.frame, &expected.frame);
+        println!("{number:2} {name}: light {light:.4}, {shares:.4?}");
+        // Of four paths one may part.
+        if (light - 1.0).abs() > 0.01 || shares.iter().any(|(_, share)| *share < 0.97) {
+            wrong.push(name);
+        }
+        let exposure = 0.25 / mean(&both[1]).max(1e-9);
+        let shown = |p: Rgb| image::Rgb(p.map(|v| ((v * exposure).clamp(0.0, 1.0).powf(1.0 / 2.2) * 255.0) as u8));
+        let [left, top] = [number % COLUMNS * 3 * width, number / COLUMNS * height];
+        for (x, y) in (0..height).flat_map(|y| (0..width).map(move |x| (x, y))) {
+            let [a, b] = [0, 1].map(|i| both[i].at(x as usize, y as usize));
+            let difference = [0, 1, 2].map(|c| (a[c] - b[c]).abs());
+            for (column, colour) in (0..).zip([a, b, difference]) {
+                sheet.put_pixel(left + column * width + x, top + y, shown(colour));
+            }
+        }
     }
+    let path = folder.join("sheet.png");
+    sheet.save(&path).unwrap();
+    println!("GPU, CPU, difference of {} files, {COLUMNS} a row, in the order above: {}", names.len(), path.display());
+    assert!(wrong.is_empty(), "other pictures: {wrong:?}");
 }
