@@ -87,7 +87,8 @@ impl App {
                 pilot.pan(drag.into());
             }
         }
-        if response.hovered() || fingers.is_some() {
+        // Also above the lines between panes, which hear of drags alone.
+        if ui.rect_contains_pointer(rect) || fingers.is_some() {
             // The wheel, or two fingers.
             let (wheel, pinch) = ui.input(|i| (i.smooth_scroll_delta().y, i.zoom_delta()));
             pilot.zoom(wheel / 50.0 + 5.0 * pinch.max(1e-3).ln());
