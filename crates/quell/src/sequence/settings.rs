@@ -91,8 +91,8 @@ parameters! {
             higher "Slow changes of light lag.", lower "Light without noise loses samples by rounding.", source "ours";
         mean_pixels: f32 = 8.0, 0.0..=1e6, "noise of a pixel", "Squared difference at which a pixel counts half in these means over 5x5 pixels.",
             higher "Stripes and edges of shadows mix; steadier means.", lower "They stay apart; means of few pixels.", source "ours: docs/sequence.md";
-        mean_windows: f32 = 2.0, 0.0..=1e6, "noise of both", "Squared difference at which the mean of another 5x5 pixels, of those within 25x25, counts half.",
-            higher "Steadier means, edges of shadows mix.", lower "A slow change of light is lost in the noise of few samples.", source "ours";
+        mean_windows: f32 = 64.0, 0.0..=1e6, "noise of both", "Squared difference from which the mean of another 5x5 pixels, of those within 25x25, does not count (Tukey's biweight); the noise is that of all of them.",
+            higher "Steadier means, edges of shadows mix.", lower "Windows choose those that are as bright by chance: a mottled picture.", source "ours: docs/sequence.md";
         mean_strong: f32 = 0.1, 1e-3..=16.0, "of the light", "Noise of one pixel from which pixels that differ more count, too.",
             higher "Pixels choose those that are as bright by chance.", lower "Stripes mix.", source "ours";
         mean_least: f32 = 1.5, 1.0..=16.0, "times", "By how much the noise of a pixel, the least of second differences along four directions, is taken larger.",
@@ -117,17 +117,17 @@ parameters! {
             higher "Smoother.", lower "Noisier.", source "SVGF: 5";
         transmission_levels: u32 = 4, 0..=8, "", "Levels for light through glass.",
             higher "Smoother.", lower "Sharper.", source "ours";
-        matte: f32 = 4.0, 0.0..=64.0, "standard deviations", "Luminance stop of indirect matte light.",
-            higher "Smoother; soft shadows fade.", lower "Noisier.", source "SVGF: 4";
-        matte_direct: f32 = 4.0, 0.0..=64.0, "standard deviations", "Of direct matte light.",
+        matte: f32 = 2.2, 0.0..=64.0, "standard deviations", "Luminance stop of indirect matte light.",
+            higher "Smoother; soft shadows fade.", lower "Noisier.", source "ours: docs/sequence.md; SVGF: 4";
+        matte_direct: f32 = 2.2, 0.0..=64.0, "standard deviations", "Of direct matte light.",
             higher "Smoother; shadow edges soften.", lower "Noisier.", source "ours";
-        glossy: f32 = 4.0, 0.0..=64.0, "standard deviations", "Of glossy light.",
+        glossy: f32 = 2.2, 0.0..=64.0, "standard deviations", "Of glossy light.",
             higher "Smoother reflections.", lower "Noisier ones.", source "ours";
-        transmission: f32 = 4.0, 0.0..=64.0, "standard deviations", "Of light through glass, in media, and of an undivided beauty.",
+        transmission: f32 = 2.2, 0.0..=64.0, "standard deviations", "Of light through glass, in media, and of an undivided beauty.",
             higher "Smoother.", lower "Noisier.", source "ours";
-        mirror: f32 = 2.5, 0.0..=64.0, "standard deviations", "Of what mirrors and clear glass show.",
+        mirror: f32 = 1.4, 0.0..=64.0, "standard deviations", "Of what mirrors and clear glass show.",
             higher "Shadows seen in mirrors fade.", lower "Noisier mirrors.", source "ours";
-        low: f32 = 0.25, 0.0..=64.0, "standard deviations", "The luminance stop of all light where little noise is left.",
+        low: f32 = 0.15, 0.0..=64.0, "standard deviations", "The luminance stop of all light where little noise is left.",
             higher "Smoother with many samples a pixel.", lower "Detail stays with many samples a pixel.", source "ours: docs/sequence.md";
         low_noise: f32 = 0.07, 0.0..=16.0, "of the luminance", "Deviation of a compared mean at which the stop lies half between (in squares).",
             higher "`wavelet.low` counts sooner.", lower "Later; 0: never.", source "ours";

@@ -136,8 +136,10 @@ fn errors(samples: usize, settings: SequenceSettings) -> [f64; 2] {
     sums.map(|sum| sum / count)
 }
 
-/// The error falls at every step, and ends near the input's own. With the nets: 1.095 times at 4096 samples; 1.05 is what is wanted. With thresholds in
-/// their place it ends further away (stripes and bars that slide are taken for noise; docs/limits.md).
+/// Most that the output's error may be of the input's at 4096 samples.
+const AT_THE_END: f64 = 1.05;
+
+/// The error falls at every step, with the nets and with thresholds in their place, and does not end above the input's.
 #[test]
 fn more_samples_always_help() {
     let mut wrong = Vec::new();
@@ -149,7 +151,7 @@ fn more_samples_always_help() {
             let [input, output] = errors(samples, settings.clone());
             let line = format!("net {net}, {samples} samples: input {input:.3e}, output {output:.3e}");
             println!("{line}, {:.3} times", output / input);
-            let too_far = samples == 4096 && output > if net { 1.1 } else { 1.4 } * input;
+            let too_far = samples == 4096 && output > AT_THE_END * input;
             if output >= last || too_far {
                 wrong.push(line);
             }
@@ -162,8 +164,7 @@ fn more_samples_always_help() {
 #[test]
 fn without_a_choice_the_error_stays() {
     let mut settings = SequenceSettings::default();
-    let [_, chosen] = errors(4096, settings.clone());
     settings.blend.choose = false;
-    let [_, output] = errors(4096, settings);
-    assert!(output > 5.0 * chosen, "{output:e} without, {chosen:e} with: the test above would see nothing");
+    let [input, output] = errors(4096, settings);
+    assert!(output > 3.0 * AT_THE_END * input, "{output:e} of {input:e}: the test above would see nothing");
 }

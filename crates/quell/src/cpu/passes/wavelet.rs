@@ -4,7 +4,7 @@ use crate::par;
 use crate::plane::Size;
 use crate::sequence::settings::Wavelet;
 use crate::stages::wavelet::cpu::{Level, compared_row, stops_row};
-use crate::stages::wavelet::levels;
+use crate::stages::wavelet::{correlation, levels};
 use crate::window::{LightSlot, LocalFeatures, Rows};
 use fearless_simd::dispatch;
 
@@ -17,7 +17,8 @@ pub(crate) fn run(local: &LocalFeatures, slots: &[LightSlot], colours: Rows, var
         let compared = compared(local, slots, &colours, &variance, s);
         let stops = &*stops.get_or_insert_with(|| self::stops(local, slots, &compared, s));
         let active: Vec<usize> = (0..slots.len()).filter(|&l| levels(s, slots[l].kind) > level).collect();
-        let level = Level { local, slots, compared: &compared, stops, step: 1 << level, active: &active, settings: s };
+        let (step, correlation) = (1 << level, correlation(level));
+        let level = Level { local, slots, compared: &compared, stops, step, correlation, active: &active, settings: s };
         filter(&level, &mut colours, &mut variance);
     }
     colours

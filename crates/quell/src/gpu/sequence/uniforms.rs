@@ -88,6 +88,8 @@ uniforms! {
         pub(super) low_noise: f32,
         /// The most that a neighbour's variance counts, times a pixel's own.
         pub(super) variance_ratio: f32,
+        /// How much more noise means over 3x3 have at this level than independent pixels would give them.
+        pub(super) correlation: f32,
         pub(super) least_contrast: f32,
         /// Of the variance: pixels around that are pooled, samples that are trusted, the light's place among the counts, and
         /// whether the renderer gave a variance.
@@ -109,6 +111,7 @@ impl LightUniforms {
             low_tolerance: light.low_tolerance,
             low_noise: light.low_noise,
             variance_ratio: light.variance_ratio,
+            correlation: crate::stages::wavelet::correlation(step.trailing_zeros()),
             least_contrast: light.least_contrast,
             radius: 0,
             trusted_samples: 0.0,

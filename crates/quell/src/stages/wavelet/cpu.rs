@@ -71,6 +71,8 @@ pub(crate) struct Level<'a> {
     /// Of each light its luminance stop, squared.
     pub stops: &'a Rows,
     pub step: isize,
+    /// See [`super::correlation`].
+    pub correlation: f32,
     /// The lights that take part.
     pub active: &'a [usize],
     pub settings: &'a Wavelet,
@@ -164,7 +166,7 @@ impl Level<'_> {
         weights: &mut [[f32; BLOCK]],
         out_variance: &mut [f32],
     ) -> f32x16<S> {
-        let Self { local, slots, compared, stops, settings: s, .. } = *self;
+        let Self { local, slots, compared, stops, correlation, settings: s, .. } = *self;
         let (w, kind, zero) = (local.size.width, slots[l].kind, f32x16::splat(simd, 0.0));
         let squared = load::<EDGE, _>(simd, stops.row(y, l), x as isize);
         let mp = load::<EDGE, _>(simd, compared.row(y, 2 * l), x as isize);
@@ -178,7 +180,7 @@ impl Level<'_> {
                 f32x16::splat(simd, share)
             } else {
                 let d = mp - tap.of::<EDGE, _>(simd, compared, 2 * l);
-                let v = vp + tap.of::<EDGE, _>(simd, compared, 2 * l + 1).min_precise(most);
+                let v = (vp + tap.of::<EDGE, _>(simd, compared, 2 * l + 1).min_precise(most)) * correlation;
                 let stop = (d * d - v).max_precise(zero) / (squared * v + contrast + LEAST_VARIANCE);
                 inside::<EDGE, _>(tap, w, weight(f32x16::from_slice(simd, distance) + stop) * share)
             };

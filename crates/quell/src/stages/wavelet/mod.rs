@@ -6,13 +6,13 @@
 //! | writes | the filtered planes |
 //! | reach | sum over levels i of 2 * 2^i + 1 pixels |
 //! | equation | out = sum h w c / sum h w; variance' = sum (h w)^2 v / (sum h w)^2; w = weight(guide distance + stop) |
-//! | luminance stop | max(0, (m_p - m_q)^2 - v) / (k^2 v + (`least_contrast` m_p)^2), m: means over 3x3 of the same surface, v: v_p + min(v_q, `variance_ratio` v_p) of their variances, k: in deviations |
+//! | luminance stop | max(0, (m_p - m_q)^2 - v) / (k^2 v + (`least_contrast` m_p)^2), m: means over 3x3 of the same surface, v: v_p + min(v_q, `variance_ratio` v_p) of their variances, times [`correlation`], k: in deviations |
 //! | k^2 | from `low`^2 to the light's own (`wavelet.matte` ...)^2 as the first level's v_p passes (`low_noise` m_p)^2 |
 //! | source | Dammertz, Sewtz, Hanika, Lensch (HPG 2010); stop by variance: SVGF (Schied et al., HPG 2017) 4.4; 3x3 means and "- v" ours |
 //! | parameters | `wavelet.*` |
 //!
 //! The squared difference counts only beyond its expectation for equal light, v (if the noise of pixels is independent), so that noise alone
-//! stops little: at three deviations and k = 4 the weight is 0.6. With few samples a pixel the noise has rare bright ones, which a
+//! stops little: at three deviations and k = 2.2 the weight is 0.2. With few samples a pixel the noise has rare bright ones, which a
 //! narrow stop would keep; with many a wide stop is a bias of as many deviations. Light without noise of its own passes, whatever
 //! noise its neighbours have.
 
@@ -30,6 +30,14 @@ pub(crate) const SPLINE: [f32; 3] = [0.375, 0.25, 0.0625];
 pub(crate) const TENT: [f32; 2] = [2.0, 1.0];
 /// Keeps the stop's quotient finite where nothing varies.
 pub(crate) const LEAST_VARIANCE: f32 = 1e-12;
+
+/// How many times more noise a mean over 3x3 pixels has after `level` levels than if the noise of its pixels were independent: they
+/// share most of what they were made of. Of the kernels above where nothing stops them; the rest of the levels' correlation (their taps
+/// share samples too) is left out: with all of it the later levels would stop at next to nothing.
+pub(crate) fn correlation(level: u32) -> f32 {
+    const OF_LEVEL: [f32; 8] = [1.0, 4.84, 6.505_063, 6.957_337, 7.072_527, 7.101_456, 7.108_697, 7.110_507];
+    OF_LEVEL[(level as usize).min(OF_LEVEL.len() - 1)]
+}
 
 /// Levels of a kind of light; noise-free light has none.
 pub(crate) fn levels(s: &Wavelet, kind: LightKind) -> u32 {
@@ -58,4 +66,33 @@ pub(crate) fn reach_of(levels: u32) -> Reach {
 /// How far the stage looks.
 pub(crate) fn reach(s: &Wavelet) -> Reach {
     reach_of(s.levels.max(s.transmission_levels))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// From the kernels themselves, in one dimension and then squared.
+    #[test]
+    fn correlation_is_that_of_the_kernels() {
+        let convolved = |a: &[f64], b: &[f64]| {
+            let mut out = vec![0.0; a.len() + b.len() - 1];
+            for (i, a) in a.iter().enumerate() {
+                b.iter().enumerate().for_each(|(k, b)| out[i + k] += a * b);
+            }
+            out
+        };
+        let squares = |kernel: &[f64]| kernel.iter().map(|v| v * v).sum::<f64>();
+        let tent: Vec<f64> = [1, 0, 1].map(|k: usize| f64::from(TENT[k]) / 4.0).to_vec();
+        let mut filtered = vec![1.0];
+        for level in 0..8u32 {
+            let factor = (squares(&convolved(&filtered, &tent)) / (squares(&filtered) * squares(&tent))).powi(2);
+            assert!((f64::from(correlation(level)) - factor).abs() < 1e-4, "{level}: {factor}");
+            let mut taps = vec![0.0; (4 << level) + 1];
+            for (k, tap) in [2, 1, 0, 1, 2usize].into_iter().enumerate() {
+                taps[k << level] = f64::from(SPLINE[tap]);
+            }
+            filtered = convolved(&filtered, &taps);
+        }
+    }
 }

@@ -1,6 +1,6 @@
 //! The specification of `wavelet`.
 
-use super::{LEAST_VARIANCE, SPLINE, TENT, levels, tolerance};
+use super::{LEAST_VARIANCE, SPLINE, TENT, correlation, levels, tolerance};
 use crate::kernels::guide_distance::{guide_distance, weight};
 use crate::kernels::math::luminance;
 use crate::sequence::settings::Wavelet;
@@ -21,7 +21,7 @@ pub fn run(local: &LocalFeatures, slots: &[LightSlot], mut colours: Rows, mut va
             .collect();
         for level in 0..levels(s, slot.kind) {
             let mean = compared(&colours, &variance);
-            (colours, variance) = a_level(local, slot, l, 1 << level, (&mean, &stops), (&colours, &variance), s);
+            (colours, variance) = a_level(local, slot, l, level, (&mean, &stops), (&colours, &variance), s);
         }
     }
     colours
@@ -32,13 +32,13 @@ fn a_level(
     local: &LocalFeatures,
     slot: &LightSlot,
     l: usize,
-    step: isize,
+    level: u32,
     (mean, stops): (&[[f64; 2]], &[f64]),
     (colours, variance): (&Rows, &Rows),
     s: &Wavelet,
 ) -> (Rows, Rows) {
     let (w, h) = (local.size.width, local.size.height);
-    let class = Class::of(slot.kind);
+    let (class, step, correlation) = (Class::of(slot.kind), 1 << level, f64::from(correlation(level)));
     let (mut filtered, mut filtered_variance) = (colours.clone(), variance.clone());
     for y in 0..h {
         for x in 0..w {
@@ -51,7 +51,8 @@ fn a_level(
                 }
                 let q = (qx as usize, qy as usize);
                 let share = f64::from(SPLINE[dx.unsigned_abs()] * SPLINE[dy.unsigned_abs()]);
-                let stop = luminance_stop(mean[y * w + x], mean[q.1 * w + q.0], stops[y * w + x], s);
+                let compared = [mean[y * w + x], mean[q.1 * w + q.0]].map(|[mean, v]| [mean, correlation * v]);
+                let stop = luminance_stop(compared[0], compared[1], stops[y * w + x], s);
                 let distance = f64::from(guide_distance(local, class, (x, y), q, s)) + stop;
                 let tap = if (dx, dy) == (0, 0) { share } else { share * f64::from(weight(distance as f32)) };
                 for (k, sum) in sums.iter_mut().enumerate() {

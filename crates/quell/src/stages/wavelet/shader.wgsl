@@ -67,7 +67,7 @@ fn filtered_level(pixel: vec2i) -> vec4f {
             if q != p {
                 let there = compared_at(q);
                 let d = mean.x - there.x;
-                let v = mean.y + min(there.y, settings.variance_ratio * mean.y);
+                let v = settings.correlation * (mean.y + min(there.y, settings.variance_ratio * mean.y));
                 let beyond = clamp(d * d - v, 0.0, MOST_DIFFERENCE);
                 let stop = beyond / (mean.z * v + contrast * contrast + LEAST_VARIANCE);
                 w *= weight(guide_distance(here, features_at(q), vec2f(offset), settings.stops) + stop);

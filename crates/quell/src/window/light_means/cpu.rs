@@ -342,15 +342,22 @@ impl Job<'_> {
             // Light without noise, whose deviation is below 0, is compared like the rest.
             let deviation = known.max_precise(zero);
             let own = deviation * deviation;
-            let (mut sum, mut variance, mut total) = (mean, own, f32x16::splat(simd, 1.0));
             let masks = if asked.bounded { &same } else { &there };
+            // The noise of a window alone is small where the window is dark by chance: that of all is surer.
+            let (mut pooled, mut number) = (own, f32x16::splat(simd, 1.0));
+            for ((qy, at), mask) in taps[..count].iter().zip(masks) {
+                let others = load_halves::<EDGE, _>(simd, row(n + l, *qy), *at).max_precise(zero);
+                pooled += mask.select(others * others, zero);
+                number += mask.select(f32x16::splat(simd, 1.0), zero);
+            }
+            let t = pooled / number * (2.0 * s.mean_windows);
+            let (mut sum, mut variance, mut total) = (mean, own, f32x16::splat(simd, 1.0));
             for ((qy, at), mask) in taps[..count].iter().zip(masks) {
                 let other = load_halves::<EDGE, _>(simd, row(l, *qy), *at);
                 let others = load_halves::<EDGE, _>(simd, row(n + l, *qy), *at).max_precise(zero);
-                let (noise, difference) = (own + others * others, other - mean);
-                let t = noise * s.mean_windows;
-                let weight = t / (t + difference * difference);
-                let weight = (*mask & t.simd_gt(zero)).select(weight, zero);
+                let difference = other - mean;
+                let share = (t - difference * difference).max_precise(zero) / t;
+                let weight = (*mask & t.simd_gt(zero)).select(share * share, zero);
                 sum += weight * other;
                 variance += weight * weight * others * others;
                 total += weight;

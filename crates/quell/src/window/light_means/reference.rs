@@ -142,29 +142,41 @@ fn wide(f: &Features, lights: &[Asked], near: &[[f16; 2]], s: &Gather) -> Vec<[f
     };
     par::rows(&mut data, w * n, |y, out| {
         let mut sums = vec![[0.0f32; 3]; n];
+        // Of the windows their squared deviations, and how many there are.
+        let mut pooled = vec![[0.0f32; 2]; n];
         for x in 0..w {
             let p = y * w + x;
-            for (light, sum) in sums.iter_mut().enumerate() {
+            for (light, (sum, pooled)) in sums.iter_mut().zip(&mut pooled).enumerate() {
                 let [mean, deviation] = at(p, light);
                 *sum = [mean, deviation * deviation, 1.0];
+                *pooled = [deviation * deviation, 1.0];
             }
-            for dy in -STEPS..=STEPS {
-                for dx in -STEPS..=STEPS {
-                    let (qx, qy) = (x as isize + dx * WINDOW, y as isize + dy * WINDOW);
-                    if (dx, dy) == (0, 0) || qx < 0 || qy < 0 || qx >= w as isize || qy >= h as isize {
-                        continue;
+            let steps = (-STEPS..=STEPS).flat_map(|dy| (-STEPS..=STEPS).map(move |dx| (dx, dy)));
+            let windows = steps.filter(|step| *step != (0, 0)).filter_map(|(dx, dy)| {
+                let (qx, qy) = (x as isize + dx * WINDOW, y as isize + dy * WINDOW);
+                let inside = qx >= 0 && qy >= 0 && qx < w as isize && qy < h as isize;
+                inside.then(|| qy as usize * w + qx as usize)
+            });
+            for q in windows.clone() {
+                let same = alike(f, p, q, s);
+                for (light, pooled) in pooled.iter_mut().enumerate() {
+                    if same || !lights[light].bounded {
+                        let [_, others] = at(q, light);
+                        *pooled = [pooled[0] + others * others, pooled[1] + 1.0];
                     }
-                    let q = qy as usize * w + qx as usize;
-                    let same = alike(f, p, q, s);
-                    for (light, sum) in sums.iter_mut().enumerate() {
-                        if same || !lights[light].bounded {
-                            let ([mean, deviation], [other, others]) = (at(p, light), at(q, light));
-                            let (noise, difference) = (deviation * deviation + others * others, other - mean);
-                            let t = s.mean_windows * noise;
-                            let weight = if t > 0.0 { t / (t + difference * difference) } else { 0.0 };
-                            *sum =
-                                [sum[0] + weight * other, sum[1] + weight * weight * others * others, sum[2] + weight];
-                        }
+                }
+            }
+            for q in windows {
+                let same = alike(f, p, q, s);
+                for (light, sum) in sums.iter_mut().enumerate() {
+                    if same || !lights[light].bounded {
+                        let ([mean, _], [other, others]) = (at(p, light), at(q, light));
+                        // The noise of a window alone is small where it is dark by chance: that of all is surer.
+                        let t = pooled[light][0] / pooled[light][1] * (2.0 * s.mean_windows);
+                        let difference = other - mean;
+                        let share = if t > 0.0 { (t - difference * difference).max(0.0) / t } else { 0.0 };
+                        let weight = share * share;
+                        *sum = [sum[0] + weight * other, sum[1] + weight * weight * others * others, sum[2] + weight];
                     }
                 }
             }
