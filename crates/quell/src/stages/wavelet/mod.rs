@@ -6,7 +6,7 @@
 //! | writes | the filtered planes |
 //! | reach | sum over levels i of 2 * 2^i + 1 pixels |
 //! | equation | out = sum h w c / sum h w; variance' = sum (h w)^2 v / (sum h w)^2; w = weight(guide distance + stop) |
-//! | luminance stop | max(0, (m_p - m_q)^2 - v) / (k^2 v + (`least_contrast` m_p)^2), m: means over 3x3 of the same surface, v: v_p + min(v_q, `variance_ratio` v_p) of their variances, times [`correlation`], k: in deviations |
+//! | luminance stop | max(0, (m_p - m_q)^2 - v) / (k^2 v + (`least_contrast` m_p)^2), m: means over 3x3 of the same surface, v: v_p + min(v_q, `variance_ratio` v_p) of their variances, times `correlation` (of the level), k: in deviations |
 //! | k^2 | from `low`^2 to the light's own (`wavelet.matte` ...)^2 as the first level's v_p passes (`low_noise` m_p)^2 |
 //! | source | Dammertz, Sewtz, Hanika, Lensch (HPG 2010); stop by variance: SVGF (Schied et al., HPG 2017) 4.4; 3x3 means and "- v" ours |
 //! | parameters | `wavelet.*` |
