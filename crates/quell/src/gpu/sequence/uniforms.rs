@@ -88,7 +88,7 @@ uniforms! {
         pub(super) low_noise: f32,
         /// The most that a neighbour's variance counts, times a pixel's own.
         pub(super) variance_ratio: f32,
-        /// How much more noise means over 3x3 have at this level than independent pixels would give them.
+        /// Of the level: variance of a mean over 3x3 pixels, over that of independent ones.
         pub(super) correlation: f32,
         pub(super) least_contrast: f32,
         /// Of the variance: pixels around that are pooled, samples that are trusted, the light's place among the counts, and

@@ -31,9 +31,9 @@ pub(crate) const TENT: [f32; 2] = [2.0, 1.0];
 /// Keeps the stop's quotient finite where nothing varies.
 pub(crate) const LEAST_VARIANCE: f32 = 1e-12;
 
-/// How many times more noise a mean over 3x3 pixels has after `level` levels than if the noise of its pixels were independent: they
-/// share most of what they were made of. Of the kernels above where nothing stops them; the rest of the levels' correlation (their taps
-/// share samples too) is left out: with all of it the later levels would stop at next to nothing.
+/// Variance of a mean over 3x3 pixels after `level` levels, over that of as many independent pixels: neighbours share samples. Found from
+/// [`SPLINE`] and [`TENT`] where nothing stops them. That the taps of a level share samples too is left out: with it
+/// later levels average light that differs (docs/sequence.md).
 pub(crate) fn correlation(level: u32) -> f32 {
     const OF_LEVEL: [f32; 8] = [1.0, 4.84, 6.505_063, 6.957_337, 7.072_527, 7.101_456, 7.108_697, 7.110_507];
     OF_LEVEL[(level as usize).min(OF_LEVEL.len() - 1)]
