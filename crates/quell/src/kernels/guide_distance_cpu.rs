@@ -1,7 +1,7 @@
 //! Guide distances of sixteen pixels of a row at once: the fast twin of [`super::guide_distance`].
 
-use super::guide_distance::{APART, FARTHEST, LEAST_TOLERANCE};
-use super::lanes::{self, BLOCK, load_row};
+use super::guide_distance::{APART, FARTHEST, LEAST_BASE, LEAST_TOLERANCE};
+use super::lanes::{self, BLOCK, load_row, load_within};
 use crate::sequence::settings::Wavelet;
 use crate::window::{Class, LocalFeatures, Rows};
 use fearless_simd::{Simd, f32x16, prelude::*};
@@ -13,7 +13,8 @@ pub(crate) const CLASSES: usize = Class::ALL.len();
 #[inline(always)]
 pub(crate) fn weight<S: Simd>(distance: f32x16<S>) -> f32x16<S> {
     let zero = f32x16::splat(distance.simd, 0.0);
-    let mut b = (1.0 - distance * (1.0 / FARTHEST)).max_precise(zero);
+    let b = 1.0 - distance * (1.0 / FARTHEST);
+    let mut b = b.simd_ge(f32x16::splat(distance.simd, LEAST_BASE)).select(b, zero);
     b *= b;
     b *= b;
     b *= b;
@@ -38,6 +39,23 @@ pub(crate) struct Tap {
 impl Tap {
     pub(crate) fn is_centre(&self) -> bool {
         self.dx == 0 && self.dy == 0
+    }
+
+    /// Where the taps lie in channel 0 of an image, if none lies beyond the row: found once for all channels.
+    #[inline(always)]
+    pub(crate) fn start(&self, rows: &Rows) -> usize {
+        rows.start(self.row, 0).wrapping_add_signed(self.at)
+    }
+
+    /// [`Self::of`], with what [`Self::start`] found and with `data`, the image's values from its first row's channel on.
+    #[inline(always)]
+    pub(crate) fn at<const EDGE: bool, S: Simd>(
+        &self,
+        simd: S,
+        (rows, channel): (&Rows, usize),
+        (data, start): (&[f32], usize),
+    ) -> f32x16<S> {
+        if EDGE { self.of::<true, _>(simd, rows, channel) } else { load_within(simd, data, start) }
     }
 
     /// A channel of the taps.
@@ -79,9 +97,19 @@ pub(crate) struct Guides<'a, S: Simd, const EDGE: bool> {
     slope: [f32x16<S>; 2],
     /// What the noise of depth adds to its tolerance.
     noise: f32x16<S>,
-    normal: [f32x16<S>; 3],
-    /// What divides the distance of normals.
-    rough: f32x16<S>,
+    surface: Normals<S>,
+    /// What multiplies the distance of normals.
+    bend: f32x16<S>,
+    /// What mirrors and glass show, and the colour of the surface; zeros where they are not compared.
+    seen_albedo: [f32x16<S>; 3],
+    seen: Normals<S>,
+    albedo: [f32x16<S>; 3],
+}
+
+/// Where a class of light compares a buffer: it is wanted, and the buffer is there.
+#[inline(always)]
+fn compares(wanted: &[bool; CLASSES], class: Class, planes: &[Vec<f32>; 3]) -> bool {
+    wanted[class as usize] && !planes[0].is_empty()
 }
 
 impl<'a, S: Simd, const EDGE: bool> Guides<'a, S, EDGE> {
@@ -95,6 +123,11 @@ impl<'a, S: Simd, const EDGE: bool> Guides<'a, S, EDGE> {
         [x, y]: [usize; 2],
     ) -> Self {
         let at = Place { w: local.size.width, y, x: x as isize };
+        let zero = f32x16::splat(simd, 0.0);
+        let rough = at.of::<EDGE, _>(simd, &local.normal_noise) * (s.guide_noise * s.normal) + 1.0;
+        let of = |class, planes: &[Vec<f32>; 3]| {
+            if compares(&wanted, class, planes) { at.of_three::<EDGE, _>(simd, planes) } else { [zero; 3] }
+        };
         Self {
             simd,
             local,
@@ -104,14 +137,17 @@ impl<'a, S: Simd, const EDGE: bool> Guides<'a, S, EDGE> {
             inverse_depth: at.of::<EDGE, _>(simd, &local.inverse_depth),
             slope: [at.of::<EDGE, _>(simd, &local.slope[0]), at.of::<EDGE, _>(simd, &local.slope[1])],
             noise: at.of::<EDGE, _>(simd, &local.depth_noise) * s.guide_noise,
-            normal: at.of_three::<EDGE, _>(simd, &local.normal),
-            rough: at.of::<EDGE, _>(simd, &local.normal_noise) * (s.guide_noise * s.normal) + 1.0,
+            surface: Normals::new(at.of_three::<EDGE, _>(simd, &local.normal)),
+            bend: f32x16::splat(simd, s.normal) / rough,
+            seen_albedo: of(Class::Seen, &local.seen_albedo),
+            seen: Normals::new(of(Class::Seen, &local.seen_normal)),
+            albedo: of(Class::Coloured, &local.albedo),
         }
     }
 
-    /// The distances of a tap, class by class; those that are not wanted are 0.
+    /// The distances of a tap, class by class; those that are not wanted are 0. `reach`: see [`reach_of`].
     #[inline(always)]
-    pub(crate) fn distances(&self, tap: &Tap) -> [f32x16<S>; CLASSES] {
+    pub(crate) fn distances(&self, tap: &Tap, reach: f32) -> [f32x16<S>; CLASSES] {
         let (simd, local, s) = (self.simd, self.local, self.s);
         let there = Place { y: tap.row, x: tap.at, ..self.centre };
         let zero = f32x16::splat(simd, 0.0);
@@ -120,27 +156,27 @@ impl<'a, S: Simd, const EDGE: bool> Guides<'a, S, EDGE> {
             return out;
         }
         let [dx, dy] = tap.offset;
-        let apart = ((dx * dx + dy * dy) as f32).sqrt();
-        let reach = s.depth * (s.depth_near + s.depth_far * apart);
         let (iz_p, iz_q) = (self.inverse_depth, there.of::<EDGE, _>(simd, &local.inverse_depth));
         let along = self.slope[0] * dx as f32 + self.slope[1] * dy as f32;
         let miss = iz_q - iz_p - along;
         let tolerance = iz_p * (self.noise + reach) + along.abs() * s.slope_error + LEAST_TOLERANCE;
         let r = miss / tolerance;
         let differ = iz_p.simd_gt(zero) ^ iz_q.simd_gt(zero);
-        // Two pixels without normals do not differ in them.
-        let bend = bend(&self.normal, &there.of_three::<EDGE, _>(simd, &local.normal));
-        let surface = differ.select(f32x16::splat(simd, APART), r * r + bend * s.normal / self.rough);
+        let bend = self.surface.bend(&there.of_three::<EDGE, _>(simd, &local.normal));
+        let surface = differ.select(f32x16::splat(simd, APART), r * r + bend * self.bend);
         out[Class::Surface as usize] = surface;
         if self.wanted[Class::Seen as usize] {
             let mut seen = surface;
             if !local.seen_albedo[0].is_empty() {
-                seen = self.colours(seen, &there, &local.seen_albedo, s.seen_albedo);
+                seen = colours(
+                    seen,
+                    &self.seen_albedo,
+                    &there.of_three::<EDGE, _>(simd, &local.seen_albedo),
+                    s.seen_albedo,
+                );
             }
             if !local.seen_normal[0].is_empty() {
-                // The sky in a mirror has none.
-                let here = self.centre.of_three::<EDGE, _>(simd, &local.seen_normal);
-                seen += self::bend(&here, &there.of_three::<EDGE, _>(simd, &local.seen_normal)) * s.seen_normal;
+                seen += self.seen.bend(&there.of_three::<EDGE, _>(simd, &local.seen_normal)) * s.seen_normal;
             }
             out[Class::Seen as usize] = seen;
         }
@@ -148,22 +184,53 @@ impl<'a, S: Simd, const EDGE: bool> Guides<'a, S, EDGE> {
             out[Class::Coloured as usize] = if local.albedo[0].is_empty() {
                 surface
             } else {
-                self.colours(surface, &there, &local.albedo, s.albedo)
+                colours(surface, &self.albedo, &there.of_three::<EDGE, _>(simd, &local.albedo), s.albedo)
             };
         }
         out
     }
+}
 
-    #[inline(always)]
-    fn colours(&self, mut distance: f32x16<S>, there: &Place, planes: &[Vec<f32>; 3], tolerance: f32) -> f32x16<S> {
-        let scale = 0.5 / (tolerance * tolerance);
-        let (p, q) = (self.centre.of_three::<EDGE, _>(self.simd, planes), there.of_three::<EDGE, _>(self.simd, planes));
-        for c in 0..3 {
-            let d = p[c] - q[c];
-            distance += d * scale * d;
-        }
-        distance
+/// `distance` and that of two colours.
+#[inline(always)]
+fn colours<S: Simd>(mut distance: f32x16<S>, p: &[f32x16<S>; 3], q: &[f32x16<S>; 3], tolerance: f32) -> f32x16<S> {
+    let scale = 0.5 / (tolerance * tolerance);
+    for c in 0..3 {
+        let d = p[c] - q[c];
+        distance += d * scale * d;
     }
+    distance
+}
+
+/// Normals of sixteen pixels.
+struct Normals<S: Simd> {
+    each: [f32x16<S>; 3],
+    /// More than 0 where there is one.
+    length: f32x16<S>,
+}
+
+impl<S: Simd> Normals<S> {
+    #[inline(always)]
+    fn new(each: [f32x16<S>; 3]) -> Self {
+        let length = each[0].abs() + each[1].abs() + each[2].abs();
+        Self { each, length }
+    }
+
+    /// 1 - cosine between them and others; 0 where both have none.
+    #[inline(always)]
+    fn bend(&self, others: &[f32x16<S>; 3]) -> f32x16<S> {
+        let [a, b, c] = self.each;
+        let cosine = a * others[0] + b * others[1] + c * others[2];
+        let length = self.length + others[0].abs() + others[1].abs() + others[2].abs();
+        let zero = f32x16::splat(cosine.simd, 0.0);
+        length.simd_gt(zero).select(1.0 - cosine, zero)
+    }
+}
+
+/// What a tap's distance adds to the tolerance of depth.
+fn reach_of([dx, dy]: [isize; 2], s: &Wavelet) -> f32 {
+    let apart = ((dx * dx + dy * dy) as f32).sqrt();
+    s.depth * (s.depth_near + s.depth_far * apart)
 }
 
 /// Sixteen pixels of a row: its width, the row, the first column.
@@ -190,19 +257,13 @@ impl Place {
     }
 }
 
-/// 1 - cosine between normals; 0 where both have none.
-#[inline(always)]
-fn bend<S: Simd>(p: &[f32x16<S>; 3], q: &[f32x16<S>; 3]) -> f32x16<S> {
-    let cosine = p[0] * q[0] + p[1] * q[1] + p[2] * q[2];
-    let length = p[0].abs() + p[1].abs() + p[2].abs() + q[0].abs() + q[1].abs() + q[2].abs();
-    let zero = f32x16::splat(cosine.simd, 0.0);
-    length.simd_gt(zero).select(1.0 - cosine, zero)
-}
-
 /// Guide distances of all taps of a kernel from sixteen pixels of a row.
 pub(crate) struct Distances {
     radius: isize,
     taps: Vec<Tap>,
+    /// Of every tap of the kernel what [`reach_of`] finds; `step`: for which.
+    reaches: Vec<f32>,
+    step: isize,
     /// Taps that there are.
     count: usize,
     /// Of each class, tap by tap; those of classes that are not wanted are 0.
@@ -216,6 +277,8 @@ impl Distances {
         Self {
             radius: radius as isize,
             taps: vec![Tap::default(); most],
+            reaches: vec![0.0; most],
+            step: 0,
             count: 0,
             by_class: std::array::from_fn(|_| vec![[0.0; BLOCK]; most]),
         }
@@ -237,6 +300,14 @@ impl Distances {
     pub(crate) fn find<S: Simd, const EDGE: bool>(&mut self, guides: &Guides<'_, S, EDGE>, h: usize, step: isize) {
         let Place { w, x, y } = guides.centre;
         self.count = 0;
+        let across = 2 * self.radius + 1;
+        if self.step != step {
+            self.step = step;
+            for (i, reach) in self.reaches.iter_mut().enumerate() {
+                let (dx, dy) = (i as isize % across - self.radius, i as isize / across - self.radius);
+                *reach = reach_of([dx * step, dy * step], guides.s);
+            }
+        }
         for dy in -self.radius..=self.radius {
             let row = y as isize + dy * step;
             if row < 0 || row >= h as isize {
@@ -250,8 +321,11 @@ impl Distances {
                 let whole = !EDGE || lanes::whole(at, w);
                 let tap = Tap { dx, dy, offset: [dx * step, dy * step], row: row as usize, at, whole };
                 // A pixel's distance from itself is 0.
-                let found =
-                    if tap.is_centre() { [f32x16::splat(guides.simd, 0.0); CLASSES] } else { guides.distances(&tap) };
+                let found = if tap.is_centre() {
+                    [f32x16::splat(guides.simd, 0.0); CLASSES]
+                } else {
+                    guides.distances(&tap, self.reaches[((dy + self.radius) * across + dx + self.radius) as usize])
+                };
                 for class in 0..CLASSES {
                     if guides.wanted[class] {
                         found[class].store_slice(&mut self.by_class[class][self.count]);
@@ -261,6 +335,12 @@ impl Distances {
                 self.count += 1;
             }
         }
+    }
+
+    /// The taps.
+    #[inline(always)]
+    pub(crate) fn taps(&self) -> &[Tap] {
+        &self.taps[..self.count]
     }
 
     /// The taps with their distances for a class of light.

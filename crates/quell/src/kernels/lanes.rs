@@ -34,9 +34,33 @@ fn run<const N: usize, T>(row: &[T], at: isize) -> Option<&[T; N]> {
     row.get(at as usize..)?.first_chunk()
 }
 
+/// [`load`] of what lies within `data` by what is known of it: from `start` on, which is no more than `isize::MAX`. One comparison, where
+/// [`load`] takes five instructions.
+#[inline(always)]
+pub(crate) fn load_within<S: Simd>(simd: S, data: &[f32], start: usize) -> f32x16<S> {
+    // That the sum does not overflow is plain to the compiler so.
+    let start = start & (usize::MAX >> 1);
+    match data.get(start..start + BLOCK) {
+        Some(run) => f32x16::from_slice(simd, run),
+        None => f32x16::splat(simd, 0.0),
+    }
+}
+
 #[cold]
 fn at_edge(row: &[f32], at: isize) -> [f32; BLOCK] {
-    std::array::from_fn(|i| usize::try_from(at + i as isize).ok().and_then(|x| row.get(x)).copied().unwrap_or(0.0))
+    let mut found = [0.0; BLOCK];
+    copy_to(&mut found, row, at);
+    found
+}
+
+/// Copies what of a row lies in the columns from `at` on.
+#[inline(always)]
+fn copy_to<T: Copy>(found: &mut [T; BLOCK], row: &[T], at: isize) {
+    let within = |x: isize| x.clamp(0, row.len() as isize) as usize;
+    let (from, to) = (within(at), within(at + BLOCK as isize));
+    // Where nothing lies within, both are an end of the row.
+    let skipped = if from < to { (from as isize - at) as usize } else { 0 };
+    found[skipped..][..to - from].copy_from_slice(&row[from..to]);
 }
 
 /// The same of half floats.
@@ -55,10 +79,9 @@ fn split(run: &[f16; BLOCK]) -> [[f16; BLOCK / 2]; 2] {
 
 #[cold]
 fn halves_at_edge(row: &[f16], at: isize) -> [f32; BLOCK] {
-    std::array::from_fn(|i| {
-        let half = usize::try_from(at + i as isize).ok().and_then(|x| row.get(x));
-        half.map_or(0.0, |half| widen(*half))
-    })
+    let mut found = [f16::ZERO; BLOCK];
+    copy_to(&mut found, row, at);
+    found.map(widen)
 }
 
 /// Writes sixteen values from column `x` on, as far as the row goes.

@@ -159,6 +159,19 @@ impl Features {
         }
     }
 
+    /// [`Self::is_mirror`] of every pixel, a bit each: for loops that ask often. Empty where no pixel is one.
+    #[cfg(feature = "cpu")]
+    pub(crate) fn mirror_bits(&self) -> Vec<u64> {
+        let Some(colour) = &self.mirror_colour else { return Vec::new() };
+        let mut bits = vec![0; self.size.pixels().div_ceil(64)];
+        for (first, values) in colour.kept() {
+            for p in (first..first + values.len()).filter(|p| self.is_mirror(*p)) {
+                bits[p / 64] |= 1 << (p % 64);
+            }
+        }
+        bits
+    }
+
     /// True where pixel `p` is a mirror or clear glass.
     #[inline(always)]
     pub fn is_mirror(&self, p: usize) -> bool {

@@ -40,6 +40,16 @@ impl<T: Pod> Sparse<T> {
         if at == KNOWN { None } else { Some(self.values[at as usize + pixel % BLOCK]) }
     }
 
+    /// The blocks that are kept: their first pixel, and their values.
+    #[cfg(feature = "cpu")]
+    pub(crate) fn kept(&self) -> impl Iterator<Item = (usize, &[T])> {
+        let kept = self.blocks.iter().enumerate().filter(|(_, at)| **at != KNOWN);
+        kept.map(|(i, at)| {
+            let values = &self.values[*at as usize..];
+            (i * BLOCK, &values[..BLOCK.min(values.len())])
+        })
+    }
+
     /// All values of the first so many pixels.
     pub(crate) fn dense(&self, pixels: usize, known: impl Fn(usize) -> T) -> Vec<T> {
         (0..pixels).map(|p| self.get(p).unwrap_or_else(|| known(p))).collect()

@@ -4,13 +4,13 @@
 
 use super::trajectory::{CORNERS, LANES, Met, Pair, Way};
 use super::{FREE_COUNT, Gathered, LEAST_COUNT, LEAST_NOISE, Place, decay, lit, mean_of};
-use crate::kernels::guide_distance::FARTHEST;
+use crate::kernels::guide_distance::{FARTHEST, LEAST_BASE};
 use crate::kernels::halves::{Eights, widen_eight};
 use crate::kernels::math::{LUMINANCE, three};
 use crate::par;
 use crate::sequence::settings::Gather;
 use crate::window::{Class, Features, LightSlot, Packed, PreparedFrame, Rows, Samples};
-use fearless_simd::{Simd, dispatch, f32x8, mask32x8, prelude::*};
+use fearless_simd::{Simd, dispatch, f32x8, mask32x8, prelude::*, u16x8};
 use half::f16;
 
 /// Means over the window for every light of `window[centre]`.
@@ -36,6 +36,8 @@ struct Job<'a> {
     gather: &'a Gather,
     /// What mirrors and glass show is compared.
     looks_through: bool,
+    /// Of each frame [`Features::mirror_bits`], where that is so.
+    mirrors: Vec<Vec<u64>>,
     /// Planes that are averaged, eight at a time.
     lanes: Vec<Lanes<'a>>,
 }
@@ -52,7 +54,9 @@ impl<'a> Job<'a> {
             })
             .collect();
         let lanes = lanes.chunks(LANES).enumerate().map(|(i, some)| Lanes::new(window, some, LANES * i, gather));
-        Self { window, centre, slots, gather, looks_through, lanes: lanes.collect() }
+        let mirrors = |frame: &&PreparedFrame| if looks_through { frame.features.mirror_bits() } else { Vec::new() };
+        let mirrors = window.iter().map(mirrors).collect();
+        Self { window, centre, slots, gather, looks_through, mirrors, lanes: lanes.collect() }
     }
 
     #[inline(always)]
@@ -77,6 +81,7 @@ impl<'a> Job<'a> {
             sums: vec![Sums::default(); BLOCK * self.lanes.len()],
             met: [Met::default(); GROUPS],
             own: [[[0.0; LANES]; 6]; GROUPS],
+            own_mirrors: [[false; LANES]; GROUPS],
         };
         let (mut surface, mut reflected) = (new(), new());
         for first in (0..w).step_by(BLOCK) {
@@ -121,6 +126,8 @@ struct Block<S: Simd> {
     met: [Met; GROUPS],
     /// What mirrors and glass show of each eight pixels: albedo and normal one after the other, channel by channel.
     own: [[[f32; LANES]; 6]; GROUPS],
+    /// Which of them are mirrors or clear glass.
+    own_mirrors: [[bool; LANES]; GROUPS],
 }
 
 impl<S: Simd> Block<S> {
@@ -141,7 +148,13 @@ impl<S: Simd> Block<S> {
                     places[i] = (pixels + i) as i32;
                 }
                 self.own[g] = of_eight(simd, seen, &places);
-                alike = seen_likeness(simd, job.gather, &self.own[g], (here, pixels), (here, &places));
+                self.own_mirrors[g] = mirrors_of_eight(&job.mirrors[job.centre], &places);
+                alike = seen_likeness(
+                    simd,
+                    job.gather,
+                    (&self.own[g], &self.own_mirrors[g]),
+                    (seen, &job.mirrors[job.centre], &places),
+                );
             }
             for i in (0..LANES).filter(|i| wanted[*i]) {
                 for (k, lanes) in job.lanes.iter().enumerate() {
@@ -191,14 +204,12 @@ impl<S: Simd> Block<S> {
                 break;
             }
             for (g, met) in self.met.iter().enumerate() {
-                let pixels = first + LANES * g;
                 let mut alike = [[1.0; LANES]; CORNERS];
-                let member = &window[to].features;
-                if looks_through && member.seen.is_some() {
+                if let (true, Some(seen)) = (looks_through, &window[to].features.seen) {
                     for c in 0..CORNERS {
                         if met.weights[c] != [0.0; LANES] {
-                            alike[c] =
-                                seen_likeness(simd, job.gather, &self.own[g], (here, pixels), (member, &met.pixels[c]));
+                            let there = (seen, &*job.mirrors[to], &met.pixels[c]);
+                            alike[c] = seen_likeness(simd, job.gather, (&self.own[g], &self.own_mirrors[g]), there);
                         }
                     }
                 }
@@ -252,26 +263,21 @@ fn fetch(frame: &PreparedFrame, met: &Met) {
     std::hint::black_box(read);
 }
 
-/// How alike the things are that eight pixels from `p` on and others show in mirrors and through glass, as weights:
+/// How alike the things are that eight pixels and others, at `places`, show in mirrors and through glass, as weights:
 /// [`super::seen_distance`] on lanes.
 #[inline(always)]
 fn seen_likeness<S: Simd>(
     simd: S,
     s: &Gather,
-    own: &[[f32; LANES]; 6],
-    (here, p): (&Features, usize),
-    (other, places): (&Features, &[i32; LANES]),
+    (own, own_mirrors): (&[[f32; LANES]; 6], &[bool; LANES]),
+    (seen, mirrors, places): (&Packed, &[u64], &[i32; LANES]),
 ) -> [f32; LANES] {
-    let Some(seen) = &other.seen else { return [1.0; LANES] };
     let there = of_eight(simd, seen, places);
     // Light that was divided by what it shows never mixes with light that was not.
     let mut apart = [0.0f32; LANES];
-    if here.mirror_colour.is_some() || other.mirror_colour.is_some() {
-        let last = here.size.pixels() - 1;
-        for (i, apart) in apart.iter_mut().enumerate() {
-            let differ = here.is_mirror((p + i).min(last)) != other.is_mirror(places[i] as usize);
-            *apart = if differ { 1.0 } else { 0.0 };
-        }
+    let others = mirrors_of_eight(mirrors, places);
+    for (apart, (own, other)) in apart.iter_mut().zip(own_mirrors.iter().zip(others)) {
+        *apart = f32::from(u8::from(*own != other));
     }
     let (zero, one) = (f32x8::splat(simd, 0.0), f32x8::splat(simd, 1.0));
     let load = |v: &[f32; LANES]| -> f32x8<S> { (*v).simd_into(simd) };
@@ -287,7 +293,8 @@ fn seen_likeness<S: Simd>(
     let bend = has_normals.select((one - cosine) * s.seen_normal, zero);
     let distance = squared * 0.5 / tolerance + bend;
     // `guide_distance::weight`
-    let mut b = (one - distance * (1.0 / FARTHEST)).max(zero);
+    let b = one - distance * (1.0 / FARTHEST);
+    let mut b = b.simd_ge(f32x8::splat(simd, LEAST_BASE)).select(b, zero);
     for _ in 0..4 {
         b *= b;
     }
@@ -295,29 +302,64 @@ fn seen_likeness<S: Simd>(
     apart.simd_gt(zero).select(zero, b).into()
 }
 
+/// Which of eight pixels are mirrors or clear glass, from [`Features::mirror_bits`].
+#[inline(always)]
+fn mirrors_of_eight(bits: &[u64], places: &[i32; LANES]) -> [bool; LANES] {
+    let mut found = [false; LANES];
+    if bits.is_empty() {
+        return found;
+    }
+    for (found, place) in found.iter_mut().zip(places) {
+        let place = *place as usize;
+        *found = match bits.get(place / 64) {
+            Some(word) => word >> (place % 64) & 1 == 1,
+            None => false,
+        };
+    }
+    found
+}
+
 /// What eight pixels show in mirrors and through glass: albedo and normal one after the other, channel by channel.
 #[inline(always)]
 fn of_eight<S: Simd>(simd: S, seen: &Packed, places: &[i32; LANES]) -> [[f32; LANES]; 6] {
-    let mut found = [[f16::ZERO; LANES]; 6];
-    for (i, place) in places.iter().enumerate() {
-        for (found, half) in found.iter_mut().zip(of_each(seen, *place as usize)) {
-            found[i] = half;
-        }
-    }
-    let mut values = [[0.0; LANES]; 6];
-    for (value, halves) in values.iter_mut().zip(found) {
-        *value = widen_eight(simd, halves).into();
-    }
-    values
+    let row = |i: usize| -> u16x8<S> { of_each(seen, places[i] as usize).simd_into(simd) };
+    // Eight rows of a pixel each become six columns of a channel each, by three rounds that interleave.
+    let (a, b) = (interleaved(row(0), row(4)), interleaved(row(2), row(6)));
+    let (c, d) = (interleaved(row(1), row(5)), interleaved(row(3), row(7)));
+    let (even, odd) = (interleaved(a[0], b[0]), interleaved(c[0], d[0]));
+    let (first, second) = (interleaved(even[0], odd[0]), interleaved(even[1], odd[1]));
+    let third = interleaved(a[1].zip_low(b[1]), c[1].zip_low(d[1]));
+    let widened = |halves: u16x8<S>| -> [f32; LANES] {
+        let halves: [u16; LANES] = halves.into();
+        widen_eight(simd, bytemuck::cast(halves)).into()
+    };
+    [widened(first[0]), widened(first[1]), widened(second[0]), widened(second[1]), widened(third[0]), widened(third[1])]
 }
 
-/// What a pixel shows in mirrors and through glass: albedo and normal one after the other, channel by channel.
 #[inline(always)]
-fn of_each(seen: &Packed, pixel: usize) -> [f16; 6] {
-    match seen.data.get(6 * pixel..) {
-        Some(rest) => *rest.first_chunk::<6>().unwrap_or(&[f16::ZERO; 6]),
-        None => [f16::ZERO; 6],
+fn interleaved<S: Simd>(a: u16x8<S>, b: u16x8<S>) -> [u16x8<S>; 2] {
+    [a.zip_low(b), a.zip_high(b)]
+}
+
+/// What a pixel shows in mirrors and through glass: albedo and normal one after the other, and two halves that mean nothing.
+#[inline(always)]
+fn of_each(seen: &Packed, pixel: usize) -> [u16; LANES] {
+    let rest = match seen.data.get(6 * pixel..) {
+        Some(rest) => rest,
+        None => &[],
+    };
+    match rest.first_chunk::<LANES>() {
+        Some(run) => bytemuck::cast(*run),
+        None => last_of_each(rest),
     }
+}
+
+/// Of the last pixel, with nothing behind it.
+#[cold]
+fn last_of_each(rest: &[f16]) -> [u16; LANES] {
+    let mut found = [0; LANES];
+    found.iter_mut().zip(rest).for_each(|(found, half)| *found = half.to_bits());
+    found
 }
 
 /// A colour plane of a light.

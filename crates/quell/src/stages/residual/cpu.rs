@@ -15,12 +15,7 @@ pub(crate) fn run(frame: &PreparedFrame, slots: &[LightSlot], mut colours: Rows,
     let noisy = |slot: &&LightSlot| matches!(frame.stored[slot.light], Samples::Black | Samples::Packed(_));
     for slot in slots.iter().filter(noisy) {
         let mut own = Rows::new(size, 3);
-        par::rows(own.data_mut(), 3 * w, |y, row| {
-            for x in 0..w {
-                let value = raw(frame, slot, 0, y * w + x).unwrap_or_default();
-                (0..3).for_each(|c| row[c * w + x] = value[c]);
-            }
-        });
+        par::rows(own.data_mut(), 3 * w, |y, row| widest!(own_row(frame, slot, y, row)));
         for (cell, radius) in LEVELS {
             let level = Level {
                 first: frame.features.first_row,
@@ -36,6 +31,27 @@ pub(crate) fn run(frame: &PreparedFrame, slots: &[LightSlot], mut colours: Rows,
     }
     colours
 }
+
+/// A row of the light as it came.
+#[inline(always)]
+fn own_row(frame: &PreparedFrame, slot: &LightSlot, y: usize, row: &mut [f32]) {
+    let w = row.len() / 3;
+    let [red, green, blue] = three_parts(row, w);
+    for (x, ((red, green), blue)) in red.iter_mut().zip(green).zip(blue).enumerate() {
+        let value = raw(frame, slot, 0, y * w + x).unwrap_or([0.0; 3]);
+        (*red, *green, *blue) = (value[0], value[1], value[2]);
+    }
+}
+
+#[inline(always)]
+fn three_parts(row: &mut [f32], w: usize) -> [&mut [f32]; 3] {
+    let (red, rest) = row.split_at_mut(w);
+    let (green, blue) = rest.split_at_mut(w);
+    [red, green, blue]
+}
+
+/// What [`between`] finds.
+type Between = (usize, usize, f32);
 
 /// Sums of a cell: of the filtered light, of the residual and of its square, each of three channels.
 const SUMS: usize = 9;
@@ -97,8 +113,14 @@ impl Level {
             }
             for (k, values) in [filtered, &*residual, &*squared].into_iter().enumerate() {
                 let out = &mut out[(3 * c + k) * across..][..across];
-                for (out, values) in out.iter_mut().zip(values.chunks(cell)) {
-                    *out += values.iter().sum::<f32>();
+                match cell {
+                    2 => add_cells::<2>(values, out),
+                    4 => add_cells::<4>(values, out),
+                    _ => {
+                        for (out, values) in out.iter_mut().zip(values.chunks(cell)) {
+                            *out += values.iter().sum::<f32>();
+                        }
+                    }
                 }
             }
         }
@@ -138,32 +160,91 @@ impl Level {
         let columns: Vec<_> = (0..w).map(|x| between(0, x, self.cell, across)).collect();
         let channels = colours.channels();
         par::rows(colours.data_mut(), channels * w, |y, out| {
-            let (above, below, ty) = between(self.first, y, self.cell, down);
+            let rows = between(self.first, y, self.cell, down);
             let out = &mut out[3 * slot.first * w..][..3 * slot.planes * w];
-            // 0 where a pixel came out as it went in.
-            let mut changed = vec![0.0f32; w];
-            for c in 0..3 {
-                for (changed, (filtered, own)) in changed.iter_mut().zip(out[c * w..].iter().zip(own.row(y, c))) {
-                    *changed = if filtered == own { *changed } else { 1.0 };
-                }
-            }
-            let mut row = vec![0.0f32; across];
-            let mut factor = vec![0.0f32; w];
-            for c in 0..3 {
-                for (row, (a, b)) in row.iter_mut().zip(changes.row(above, c).iter().zip(changes.row(below, c))) {
-                    *row = a + (b - a) * ty;
-                }
-                for (factor, (left, right, tx)) in factor.iter_mut().zip(&columns) {
-                    *factor = row[*left] + (row[*right] - row[*left]) * tx;
-                }
-                for plane in out.chunks_exact_mut(3 * w) {
-                    for ((value, factor), changed) in plane[c * w..][..w].iter_mut().zip(&factor).zip(&changed) {
-                        *value *= 1.0 + factor * changed;
-                    }
-                }
-            }
+            widest!(self.apply_row((own, y), changes, (&columns, rows), out));
         });
     }
+
+    /// A row of pixels, between two rows of cells.
+    #[inline(always)]
+    fn apply_row(
+        &self,
+        (own, y): (&Rows, usize),
+        changes: &Rows,
+        (columns, (above, below, ty)): (&[Between], Between),
+        out: &mut [f32],
+    ) {
+        let (w, across) = (columns.len(), changes.size().width);
+        // 0 where a pixel came out as it went in.
+        let mut changed = vec![0.0f32; w];
+        for c in 0..3 {
+            for (changed, (filtered, own)) in changed.iter_mut().zip(out[c * w..].iter().zip(own.row(y, c))) {
+                *changed = if filtered == own { *changed } else { 1.0 };
+            }
+        }
+        let mut row = vec![0.0f32; across];
+        let mut factor = vec![0.0f32; w];
+        for c in 0..3 {
+            for (row, (a, b)) in row.iter_mut().zip(changes.row(above, c).iter().zip(changes.row(below, c))) {
+                *row = a + (b - a) * ty;
+            }
+            match self.cell {
+                2 => spread::<2>(&row, columns, &mut factor),
+                4 => spread::<4>(&row, columns, &mut factor),
+                _ => spread_some(&row, columns, &mut factor),
+            }
+            for plane in out.chunks_exact_mut(3 * w) {
+                for ((value, factor), changed) in plane[c * w..][..w].iter_mut().zip(&factor).zip(&changed) {
+                    *value *= 1.0 + factor * changed;
+                }
+            }
+        }
+    }
+}
+
+/// Adds to each cell's sum those of its `N` pixels; the last cell may have fewer.
+#[inline(always)]
+fn add_cells<const N: usize>(values: &[f32], out: &mut [f32]) {
+    let (whole, rest) = values.as_chunks::<N>();
+    for (out, values) in out.iter_mut().zip(whole) {
+        let mut sum = 0.0;
+        for value in values {
+            sum += value;
+        }
+        *out += sum;
+    }
+    if let (Some(out), false) = (out.get_mut(whole.len()), rest.is_empty()) {
+        *out += rest.iter().sum::<f32>();
+    }
+}
+
+/// What each pixel of a row of cells is multiplied by, less 1: `columns` has the two cells of a pixel and the share of the second.
+#[inline(always)]
+fn spread_some(row: &[f32], columns: &[Between], out: &mut [f32]) {
+    for (out, (left, right, tx)) in out.iter_mut().zip(columns) {
+        *out = row[*left] + (row[*right] - row[*left]) * tx;
+    }
+}
+
+/// [`spread_some`] for cells of `N` pixels, an even number: between the middles of two cells lie as many pixels, always at the same shares.
+#[inline(always)]
+fn spread<const N: usize>(row: &[f32], columns: &[Between], out: &mut [f32]) {
+    let head = (N / 2).min(out.len());
+    spread_some(row, &columns[..head], &mut out[..head]);
+    let (columns, out) = (&columns[head..], &mut out[head..]);
+    let (whole, _) = out.as_chunks_mut::<N>();
+    let mut done = 0;
+    if let Some(shares) = columns.first_chunk::<N>() {
+        let shares = shares.map(|column| column.2);
+        for (out, (a, b)) in whole.iter_mut().zip(row.iter().zip(row.iter().skip(1))) {
+            for (out, share) in out.iter_mut().zip(shares) {
+                *out = a + (b - a) * share;
+            }
+            done += N;
+        }
+    }
+    spread_some(row, &columns[done..], &mut out[done..]);
 }
 
 /// A row smoothed by a triangle, as far as it goes.

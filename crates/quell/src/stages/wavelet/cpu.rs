@@ -100,98 +100,127 @@ impl Level<'_> {
             out_variance[l * w..][..w].copy_from_slice(variance.row(y, l));
         }
         let mut distances = Distances::new(2);
-        let mut weights = vec![[0.0f32; BLOCK]; distances.most()];
+        let mut places = vec![Place::default(); distances.most()];
+        let mut weights = vec![[0.0; BLOCK]; distances.most()];
+        let images = (colours, variance);
         for x in (0..w).step_by(BLOCK) {
-            if distances.reach_edge(x, w, step) {
+            let at_edge = distances.reach_edge(x, w, step);
+            if at_edge {
                 let guides = Guides::<_, true>::new(simd, local, s, wanted, [x, y]);
                 distances.find(&guides, h, step);
-                self.block::<true, _>(simd, (colours, variance), (x, y), &distances, &mut weights, (out, out_variance));
             } else {
                 let guides = Guides::<_, false>::new(simd, local, s, wanted, [x, y]);
                 distances.find(&guides, h, step);
-                self.block::<false, _>(
-                    simd,
-                    (colours, variance),
-                    (x, y),
-                    &distances,
-                    &mut weights,
-                    (out, out_variance),
-                );
+            }
+            for (place, tap) in places.iter_mut().zip(distances.taps()) {
+                *place = Place {
+                    share: SPLINE[tap.dx.unsigned_abs()] * SPLINE[tap.dy.unsigned_abs()],
+                    is_centre: tap.is_centre(),
+                    compared: tap.start(self.compared),
+                    variance: tap.start(variance),
+                    colours: tap.start(colours),
+                };
+            }
+            let block = Block { x, distances: &distances, places: &places };
+            for &l in active {
+                if at_edge {
+                    self.light::<true, _>(simd, images, (l, y), block, &mut weights, (out, out_variance));
+                } else {
+                    self.light::<false, _>(simd, images, (l, y), block, &mut weights, (out, out_variance));
+                }
             }
         }
     }
 
-    /// The pixels from (x, y) on.
+    /// A light of the pixels of a block.
     #[inline(always)]
-    fn block<const EDGE: bool, S: Simd>(
+    fn light<const EDGE: bool, S: Simd>(
         &self,
         simd: S,
         (colours, variance): (&Rows, &Rows),
-        (x, y): (usize, usize),
-        distances: &Distances,
+        (l, y): (usize, usize),
+        Block { x, distances, places }: Block<'_>,
         weights: &mut [[f32; BLOCK]],
         (out, out_variance): (&mut [f32], &mut [f32]),
     ) {
-        let w = self.local.size.width;
-        for &l in self.active {
-            let slot = &self.slots[l];
-            let scale = self.weights::<EDGE, _>(simd, variance, l, (x, y), distances, weights, out_variance);
-            for k in slot.first..slot.first + slot.planes {
-                let zero = f32x16::splat(simd, 0.0);
-                let [mut red, mut green, mut blue] = [zero; 3];
-                for ((tap, _), weight) in distances.of(Class::of(slot.kind)).zip(&*weights) {
-                    let weight = f32x16::from_slice(simd, weight);
-                    let [r, g, b] = three_rows::<EDGE, _>(simd, colours, tap, 3 * k);
-                    red += weight * r;
-                    green += weight * g;
-                    blue += weight * b;
-                }
-                for (c, sum) in [red, green, blue].into_iter().enumerate() {
-                    store(sum * scale, &mut out[(3 * k + c) * w..][..w], x);
-                }
-            }
-        }
-    }
-
-    /// A light's weights, tap by tap; writes the variance and gives one over the sum of the weights.
-    #[inline(always)]
-    #[expect(clippy::too_many_arguments, reason = "what a light's weights are made of")]
-    fn weights<const EDGE: bool, S: Simd>(
-        &self,
-        simd: S,
-        variance: &Rows,
-        l: usize,
-        (x, y): (usize, usize),
-        distances: &Distances,
-        weights: &mut [[f32; BLOCK]],
-        out_variance: &mut [f32],
-    ) -> f32x16<S> {
         let Self { local, slots, compared, stops, correlation, settings: s, .. } = *self;
-        let (w, kind, zero) = (local.size.width, slots[l].kind, f32x16::splat(simd, 0.0));
+        let (w, zero) = (local.size.width, f32x16::splat(simd, 0.0));
+        let slot = &slots[l];
         let squared = load::<EDGE, _>(simd, stops.row(y, l), x as isize);
         let mp = load::<EDGE, _>(simd, compared.row(y, 2 * l), x as isize);
         let vp = load::<EDGE, _>(simd, compared.row(y, 2 * l + 1), x as isize);
         let (contrast, most) = (mp * s.least_contrast, vp * s.variance_ratio);
         let contrast = contrast * contrast;
+        let (means, spreads) = (from(compared, 2 * l), from(compared, 2 * l + 1));
+        let (variances, first) = (from(variance, l), 3 * slot.first);
+        let (reds, greens, blues) = (from(colours, first), from(colours, first + 1), from(colours, first + 2));
+        let several = slot.planes > 1;
         let (mut total, mut sum) = (zero, zero);
-        for ((tap, distance), found) in distances.of(Class::of(kind)).zip(weights) {
-            let share = SPLINE[tap.dx.unsigned_abs()] * SPLINE[tap.dy.unsigned_abs()];
-            let weight = if tap.is_centre() {
-                f32x16::splat(simd, share)
+        let [mut red, mut green, mut blue] = [zero; 3];
+        for (((tap, distance), place), kept) in distances.of(Class::of(slot.kind)).zip(places).zip(&mut *weights) {
+            let weight = if place.is_centre {
+                f32x16::splat(simd, place.share)
             } else {
-                let d = mp - tap.of::<EDGE, _>(simd, compared, 2 * l);
-                let v = (vp + tap.of::<EDGE, _>(simd, compared, 2 * l + 1).min_precise(most)) * correlation;
+                let d = mp - tap.at::<EDGE, _>(simd, (compared, 2 * l), (means, place.compared));
+                let vq = tap.at::<EDGE, _>(simd, (compared, 2 * l + 1), (spreads, place.compared));
+                let v = (vp + vq.min_precise(most)) * correlation;
                 let stop = (d * d - v).max_precise(zero) / (squared * v + contrast + LEAST_VARIANCE);
-                inside::<EDGE, _>(tap, w, weight(f32x16::from_slice(simd, distance) + stop) * share)
+                inside::<EDGE, _>(tap, w, weight(f32x16::from_slice(simd, distance) + stop) * place.share)
             };
             total += weight;
-            sum += weight * weight * tap.of::<EDGE, _>(simd, variance, l);
-            weight.store_slice(found);
+            sum += weight * weight * tap.at::<EDGE, _>(simd, (variance, l), (variances, place.variance));
+            red += weight * tap.at::<EDGE, _>(simd, (colours, first), (reds, place.colours));
+            green += weight * tap.at::<EDGE, _>(simd, (colours, first + 1), (greens, place.colours));
+            blue += weight * tap.at::<EDGE, _>(simd, (colours, first + 2), (blues, place.colours));
+            if several {
+                weight.store_slice(kept);
+            }
         }
         let scale = 1.0 / total;
         store(sum * (scale * scale), &mut out_variance[l * w..][..w], x);
-        scale
+        for (c, sum) in [red, green, blue].into_iter().enumerate() {
+            store(sum * scale, &mut out[(first + c) * w..][..w], x);
+        }
+        for k in slot.first + 1..slot.first + slot.planes {
+            let [mut red, mut green, mut blue] = [zero; 3];
+            for ((tap, _), weight) in distances.of(Class::of(slot.kind)).zip(&*weights) {
+                let weight = f32x16::from_slice(simd, weight);
+                let [r, g, b] = three_rows::<EDGE, _>(simd, colours, tap, 3 * k);
+                red += weight * r;
+                green += weight * g;
+                blue += weight * b;
+            }
+            for (c, sum) in [red, green, blue].into_iter().enumerate() {
+                store(sum * scale, &mut out[(3 * k + c) * w..][..w], x);
+            }
+        }
     }
+}
+
+/// What the taps of sixteen pixels are for every light.
+#[derive(Clone, Copy)]
+struct Block<'a> {
+    x: usize,
+    distances: &'a Distances,
+    places: &'a [Place],
+}
+
+/// What a tap is for every light.
+#[derive(Clone, Copy, Default)]
+struct Place {
+    /// Of the kernel.
+    share: f32,
+    is_centre: bool,
+    /// See [`Tap::start`](crate::kernels::guide_distance_cpu::Tap::start).
+    compared: usize,
+    variance: usize,
+    colours: usize,
+}
+
+/// The values of an image from a channel of its first row on.
+#[inline(always)]
+fn from(rows: &Rows, channel: usize) -> &[f32] {
+    rows.data().get(channel * rows.size().width..).unwrap_or(&[])
 }
 
 /// One row of a channel a light: the luminance stop squared, from `low` where there is little noise to the light's own where there is
