@@ -336,8 +336,12 @@ const GLOSSY_YOUNG: YoungLevels = [
 ];
 
 /// The levels that a history of one frame needs; the last one's output.
-fn young_steps(steps: &mut Steps, settings: &Settings, input: Image, levels: &YoungLevels, length: Image) -> Image {
-    let ends = young_filter::ends(&settings.young_filter);
+fn young_steps(steps: &mut Steps, settings: &Settings, signal: Signal, input: Image) -> Image {
+    let (levels, length) = match signal {
+        Signal::Matte => (&MATTE_YOUNG, Image::MatteConfidence),
+        Signal::Glossy => (&GLOSSY_YOUNG, Image::GlossyConfidence),
+    };
+    let ends = young_filter::ends(&settings.young_filter, signal);
     let acting = levels.iter().zip(ends).filter(|(_, end)| *end > 1.0);
     acting.fold(input, |input, (&(stage, output), _)| steps.add(stage, input, output, &[length, Image::Guides], &[]))
 }
@@ -359,7 +363,7 @@ fn matte_steps(steps: &mut Steps, settings: &Settings) -> (Image, Option<Image>)
     // As the next frame's history it stays as it is; every other stage sees the filtered one.
     let unfiltered = accumulated;
     let accumulated = if temporal && settings.young_filter.matte {
-        young_steps(steps, settings, accumulated, &MATTE_YOUNG, Image::MatteConfidence)
+        young_steps(steps, settings, Signal::Matte, accumulated)
     } else {
         accumulated
     };
@@ -420,7 +424,7 @@ fn glossy_steps(steps: &mut Steps, settings: &Settings) -> (Image, Option<Image>
         output = steps.add(Stage::GlossyTemporal, output, Image::GlossyTemporal, &reads, &[Image::GlossyConfidence]);
         feedback = Some(output);
         if settings.young_filter.glossy {
-            output = young_steps(steps, settings, output, &GLOSSY_YOUNG, Image::GlossyConfidence);
+            output = young_steps(steps, settings, Signal::Glossy, output);
         }
     }
     if settings.glossy_bilateral.enabled {

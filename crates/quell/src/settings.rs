@@ -198,12 +198,18 @@ parameters! {
             source "ours; SVGF (Schied et al. 2017) filters in space below 4 frames";
         falloff: f32 = 0.5, 0.01..=1.0, "of the level before's frames", "When the levels of 3 and 9 pixels fade out.",
             higher "Wider for longer.", lower "Narrower earlier.", source "ours: `docs/quality.md`";
+        matte_stays: bool = false, (), "", "The matte levels do not fade out; `deviations` should be above 0.",
+            higher "What matures stays smooth: the luminance stop closes as the noise falls.", lower "Levels fade out as history grows.",
+            source "ours: `docs/quality.md`";
         lobe: f32 = 1.0, 0.0..=64.0, "of the lobe's footprint", "Glossy only: a level fades out where its taps lie farther apart than this.",
             higher "Reflections are smoother and blurrier at first.", lower "Sharper and noisier ones.",
             source "ours: `docs/quality.md`";
         least_lobe: f32 = 0.0, 0.0..=64.0, "pixels", "Glossy only: the least footprint that counts, of mirrors too.",
             higher "Mirrors are smoother and blurrier at first.", lower "Sharper and noisier ones.",
             source "ours: `docs/quality.md`";
+        deviations: f32 = 0.0, 0.0..=64.0, "standard deviations of the noise", "From the second level on, a neighbour whose luminance differs by as much counts nothing; 0: no such stop.",
+            higher "Smoother, flatter.", lower "Contact shadows and soft edges of light stay, and some noise.",
+            source "ours: `docs/quality.md`; a luminance stop that knows the noise: SVGF (Schied et al. 2017) 4.3";
     }
     /// The cross-bilateral weight that stages 4, 7, 9 and 10 share. Geometry only.
     edge: Edge {
@@ -368,9 +374,12 @@ impl Settings {
                 glossy: true,
                 frames: 64.0,
                 falloff: 0.4,
+                matte_stays: true,
                 lobe: 0.05,
                 least_lobe: 0.05,
+                deviations: 5.0,
             },
+            glossy_temporal: GlossyTemporal { alpha: 0.85, ..GlossyTemporal::default() },
             // What is young is filtered already; mature light stays sharp.
             matte_prefilter: MattePrefilter { enabled: false, ..MattePrefilter::default() },
             disocclusion: Disocclusion { enabled: false, ..Disocclusion::default() },

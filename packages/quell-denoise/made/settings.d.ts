@@ -50,10 +50,14 @@ export interface Settings {
   "young_filter.frames"?: number;
   /** When the levels of 3 and 9 pixels fade out. From 0.01 to 1, of the level before's frames. Default: 0.5. */
   "young_filter.falloff"?: number;
+  /** The matte levels do not fade out; `deviations` should be above 0. Default: false. */
+  "young_filter.matte_stays"?: boolean;
   /** Glossy only: a level fades out where its taps lie farther apart than this. From 0 to 64, of the lobe's footprint. Default: 1. */
   "young_filter.lobe"?: number;
   /** Glossy only: the least footprint that counts, of mirrors too. From 0 to 64, pixels. Default: 0. */
   "young_filter.least_lobe"?: number;
+  /** From the second level on, a neighbour whose luminance differs by as much counts nothing; 0: no such stop. From 0 to 64, standard deviations of the noise. Default: 0. */
+  "young_filter.deviations"?: number;
   /** Kz: fall of the weight with the distance in depth from the tangent plane. From 0 to 1000, per relative depth. Default: 5. */
   "edge.depth"?: number;
   /** Kn: fall of the weight with 1 - cosine^4 of the normals. From 0 to 100. Default: 1. */

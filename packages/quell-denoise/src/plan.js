@@ -18,12 +18,18 @@ class Steps {
   }
 }
 
-/** The levels of the filter of young history that a history of one frame needs; the last one's output. */
-function youngSteps(steps, settings, signal, input) {
+/** Twin of `ends` in crates/quell/src/stages/young_filter/mod.rs: pixels between taps, and the history length that ends the level. */
+export function youngEnds(settings, signal) {
+  if (signal === "matte" && settings["young_filter.matte_stays"]) return [[1, 1e9], [3, 1e9], [9, 1e9]];
   const end1 = f(settings["young_filter.frames"]);
   const falloff = f(settings["young_filter.falloff"]);
   const end3 = f(end1 * falloff);
-  const acting = [[1, end1], [3, end3], [9, f(end3 * falloff)]].filter(([, end]) => end > 1);
+  return [[1, end1], [3, end3], [9, f(end3 * falloff)]];
+}
+
+/** The levels of the filter of young history that a history of one frame needs; the last one's output. */
+function youngSteps(steps, settings, signal, input) {
+  const acting = youngEnds(settings, signal).filter(([, end]) => end > 1);
   return acting.reduce((image, [apart]) => steps.add(`${signal}_young_${apart}`, image, `${signal} young ${apart}`), input);
 }
 
@@ -105,7 +111,11 @@ export function planned(settings, signals, jitter) {
       case "firefly": return [...guides(1), from, to];
       case "glossy_bilateral_h": case "glossy_bilateral_v": return [...guides(3), from, to];
       case "direct_taa": return [now(GUIDES[0]), now(GUIDES[2]), from, earlier("direct history"), to];
-      default: return [...guides(2), from, now(`${signal} length`), to];
+      // A level of the filter of young history; the one that stage 5 reads hands the confidence on.
+      default: {
+        const isRead = find("disocclusion")?.input === output;
+        return [...guides(2), from, now(`${signal} length`), isRead ? place("matte temporal") : from, to];
+      }
     }
   };
 

@@ -1,6 +1,7 @@
 // Settings by name, and what shaders read of them: twin of `SettingsUniforms::of` in crates/quell/src/gpu (a test compares the values).
 
 import made from "../made/programs.js";
+import { youngEnds } from "./plan.js";
 import { QuellError, checkNames, likely, shown } from "./error.js";
 
 const f = Math.fround;
@@ -80,7 +81,10 @@ export function settingsStruct(settings, rows) {
   const { confidence_frames: _, ...surface } = stage(s, "surface");
   const { radius, blur, floor, feedback_floor } = stage(s, "disocclusion");
   const young = stage(s, "young_filter");
-  const end3 = f(f(young.frames) * f(young.falloff));
+  const [ends, glossyEnds] = ["matte", "glossy"].map((signal) => youngEnds(s, signal));
+  // The matte level whose output stage 5 reads: it hands the confidence on.
+  const acting = ends.filter(([, end]) => end > 1);
+  const last = s["disocclusion.enabled"] && acting.length > 0 ? acting[acting.length - 1][0] : 0;
   return {
     surface: { ...surface, rejection: place("surface.rejection", surface.rejection) },
     matte_blend: blend("matte_temporal"),
@@ -89,11 +93,16 @@ export function settingsStruct(settings, rows) {
     glossy_edge: edge(s["edge.glossy_gloss"]),
     young: {
       frames: young.frames,
-      end_1: young.frames,
-      end_3: end3,
-      end_9: f(end3 * f(young.falloff)),
+      end_1: ends[0][1],
+      end_3: ends[1][1],
+      end_9: ends[2][1],
+      glossy_end_1: glossyEnds[0][1],
+      glossy_end_3: glossyEnds[1][1],
+      glossy_end_9: glossyEnds[2][1],
       lobe: young.lobe,
       least_lobe: young.least_lobe,
+      deviations: young.deviations,
+      last,
     },
     matte_prefilter: spiral("matte_prefilter"),
     matte_bilateral: spiral("matte_bilateral"),

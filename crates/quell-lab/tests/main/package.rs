@@ -268,6 +268,8 @@ fn cases() -> Vec<(Size, Changes)> {
                 ("young_filter.falloff", "0.37"),
                 ("young_filter.lobe", "0.7"),
                 ("young_filter.least_lobe", "0.3"),
+                ("young_filter.deviations", "3.7"),
+                ("young_filter.matte_stays", "on"),
             ],
         ),
         (

@@ -75,6 +75,8 @@ pub struct Cpu {
     /// Where stage 3 found each surface, which stage 8 reads, and whether it did so in this frame.
     seen: Vec<f32>,
     seen_now: bool,
+    /// Variance of luminance between the levels of `young_filter`, in phase order.
+    noise: [Vec<f32>; 2],
 }
 
 /// Places in `Cpu::shown` after those of the signals.
@@ -104,6 +106,7 @@ impl Cpu {
             radius: None,
             seen: Vec::new(),
             seen_now: false,
+            noise: Default::default(),
         }
     }
 
@@ -314,7 +317,7 @@ impl Cpu {
     }
 
     /// A level of `young_filter`; the plan has it only after the stage whose history lengths it reads.
-    fn young(&self, step: &Step, settings: &Settings, guides: &CpuGuides, input: &Colours, output: &mut Colours) {
+    fn young(&mut self, step: &Step, settings: &Settings, guides: &CpuGuides, input: &Colours, output: &mut Colours) {
         let Some((signal, level)) = step.stage.young_level() else { return };
         let Some(memory) = self.memory[signal as usize].as_ref() else { return };
         let s = &settings.young_filter;
@@ -322,17 +325,29 @@ impl Cpu {
             Signal::Matte => (Gains::matte(&settings.edge), false),
             Signal::Glossy => (Gains::glossy(&settings.edge), guides.has_roughness),
         };
+        // The levels' noise: two buffers that change places.
+        let pixels = self.phases.size.pixels();
+        let [mut before, mut after] = std::mem::take(&mut self.noise);
+        let stops = s.deviations > 0.0;
+        if stops && level as usize + 1 < young::LEVELS {
+            after.resize(pixels, 0.0);
+        }
         let filter = young_filter::Filter {
             level: self.level,
             guides,
             gains,
             length: &memory.kept,
             step: young::step_px(level),
-            end: young::ends(s)[level as usize],
+            end: young::ends(s, signal)[level as usize],
             lobe: has_lobe.then(|| young::Lobe::new(s, guides.now.view.focal_px, level)),
             frames: s.frames,
+            squared: s.deviations * s.deviations,
+            noise: (stops && level > 0).then_some(before.as_slice()).filter(|noise| noise.len() == pixels),
         };
-        young_filter::run(&filter, input, output);
+        let left = (stops && level as usize + 1 < young::LEVELS).then_some(after.as_mut_slice());
+        young_filter::run(&filter, input, output, left);
+        std::mem::swap(&mut before, &mut after);
+        self.noise = [before, after];
     }
 
     fn disocclusion(&mut self, step: &Step, settings: &Settings, input: &Colours, output: &mut Colours) {

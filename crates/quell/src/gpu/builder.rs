@@ -131,6 +131,18 @@ impl<'a> Builder<'a> {
                         (pass, GUIDES.into_iter().chain(GUIDES_BEFORE).chain(planes).collect())
                     }
                     Stage::Firefly => (Pass::FIREFLY_JOINT, vec![GUIDES[0], input, own(input), own(output)]),
+                    // Level 0 has no luminance stop: its weights are those of geometry.
+                    Stage::MatteYoung3 | Stage::MatteYoung9 | Stage::GlossyYoung3 | Stage::GlossyYoung9 => {
+                        let pass = match step.stage {
+                            Stage::MatteYoung3 => Pass::MATTE_YOUNG_3_JOINT,
+                            Stage::MatteYoung9 => Pass::MATTE_YOUNG_9_JOINT,
+                            Stage::GlossyYoung3 => Pass::GLOSSY_YOUNG_3_JOINT,
+                            _ => Pass::GLOSSY_YOUNG_9_JOINT,
+                        };
+                        let length = (Self::young_length(step.stage), false);
+                        let planes = [input, length, own(input), own(output)];
+                        (pass, GUIDES.into_iter().take(2).chain(planes).collect())
+                    }
                     _ => (Pass::of(step.stage), self.single(step).into_iter().map(own).collect()),
                 };
                 self.dispatch(step, pass, places)
@@ -156,6 +168,23 @@ impl<'a> Builder<'a> {
         match stage {
             Stage::GlossyTemporal => (Image::GlossyHistory, Slot::GlossyLength),
             _ => (Image::MatteHistory, Slot::MatteLength),
+        }
+    }
+
+    const fn young_length(stage: Stage) -> Slot {
+        match stage.young_level() {
+            Some((Signal::Glossy, _)) => Slot::GlossyLength,
+            _ => Slot::MatteLength,
+        }
+    }
+
+    /// The image whose fourth value a level of `young_filter` may hand on: what stage 5 reads has the confidence again.
+    fn keeping(&self, step: &Step) -> Source {
+        let is_read = |s: &&Step| s.stage == Stage::Disocclusion && s.input == step.output;
+        let accumulated = |s: &&Step| s.stage == Stage::MatteTemporal;
+        match (self.plan.steps.iter().find(is_read), self.plan.steps.iter().find(accumulated)) {
+            (Some(_), Some(temporal)) => self.place(temporal.output),
+            _ => self.place(step.input),
         }
     }
 
@@ -191,11 +220,8 @@ impl<'a> Builder<'a> {
             | Stage::GlossyYoung1
             | Stage::GlossyYoung3
             | Stage::GlossyYoung9 => {
-                let length = match step.stage.young_level() {
-                    Some((Signal::Glossy, _)) => Slot::GlossyLength,
-                    _ => Slot::MatteLength,
-                };
-                guides.take(2).chain([input, (length, false), output]).collect()
+                let length = (Self::young_length(step.stage), false);
+                guides.take(2).chain([input, length, self.keeping(step), output]).collect()
             }
             Stage::Disocclusion => {
                 let mut places = self.blending(step);

@@ -4,7 +4,7 @@ use super::guides::{self, half};
 use super::sequence;
 use crate::border::COLOUR_LIMIT;
 use crate::kernels::{clip, edge, guide_distance, math, mirror_image, reproject, spiral, temporal};
-use crate::stages::{feature_noise, firefly, gather, glossy_bilateral, wavelet};
+use crate::stages::{feature_noise, firefly, gather, glossy_bilateral, wavelet, young_filter};
 use std::collections::HashSet;
 
 /// A constant as WGSL declares it.
@@ -47,6 +47,9 @@ const ALL: &[(&str, Number)] = &[
     ("LONGEST_HISTORY", F32(temporal::LONGEST_HISTORY)),
     ("FIREFLY_MIDDLE", U32(firefly::MIDDLE as u32)),
     ("LOBE_SPREAD", F32(glossy_bilateral::LOBE_SPREAD)),
+    ("YOUNG_SAME_LIGHT", F32(young_filter::SAME_LIGHT)),
+    ("YOUNG_LEAST_VARIANCE", F32(young_filter::LEAST_VARIANCE)),
+    ("YOUNG_LEAST_NEIGHBOURS", F32(young_filter::LEAST_NEIGHBOURS)),
     // The sequence filter.
     ("FARTHEST", F32(guide_distance::FARTHEST)),
     ("APART", F32(guide_distance::APART)),

@@ -66,7 +66,10 @@ const GLOSSY_BILATERAL: &[&str] = &[
     include_str!("../stages/glossy_bilateral/shader.wgsl"),
     include_str!("passes/glossy_bilateral.wgsl"),
 ];
-const YOUNG_BINDINGS: &[Binding] = &[GEOMETRY, SURFACE, colour("input"), number("history_length"), written("output")];
+const YOUNG_BINDINGS: &[Binding] =
+    &[GEOMETRY, SURFACE, colour("input"), number("history_length"), colour("accumulated"), written("output")];
+const YOUNG_JOINT_BINDINGS: &[Binding] =
+    &[GEOMETRY, SURFACE, colour("input"), number("history_length"), colour("pass_input"), written("output")];
 const YOUNG: &[&str] = &[
     GUIDES,
     GUIDES_SURFACE,
@@ -75,6 +78,18 @@ const YOUNG: &[&str] = &[
     include_str!("../stages/young_filter/shader.wgsl"),
     include_str!("passes/young_filter.wgsl"),
 ];
+const YOUNG_JOINT: &[&str] = &[
+    GUIDES,
+    GUIDES_SURFACE,
+    MATH,
+    EDGE,
+    include_str!("../stages/young_filter/shader.wgsl"),
+    include_str!("passes/young_filter_joint.wgsl"),
+];
+/// The same of a plane that is tied to a signal.
+const fn young_joint(stage: Stage, name: &'static str) -> Pass {
+    Pass { bindings: YOUNG_JOINT_BINDINGS, pieces: YOUNG_JOINT, ..young(stage, name) }
+}
 /// A level of the filter of young history; its entry point has its name.
 const fn young(stage: Stage, name: &'static str) -> Pass {
     let stages: &[Stage] = match stage {
@@ -415,6 +430,15 @@ impl Pass {
         ],
     };
 
+    /// Level 1 of the filter of young history for a plane that is tied to the matte signal.
+    pub const MATTE_YOUNG_3_JOINT: Self = young_joint(Stage::MatteYoung3, "matte_young_3_joint");
+    /// Level 2 of the filter of young history for a plane that is tied to the matte signal.
+    pub const MATTE_YOUNG_9_JOINT: Self = young_joint(Stage::MatteYoung9, "matte_young_9_joint");
+    /// Level 1 of the filter of young history for a plane that is tied to the glossy signal.
+    pub const GLOSSY_YOUNG_3_JOINT: Self = young_joint(Stage::GlossyYoung3, "glossy_young_3_joint");
+    /// Level 2 of the filter of young history for a plane that is tied to the glossy signal.
+    pub const GLOSSY_YOUNG_9_JOINT: Self = young_joint(Stage::GlossyYoung9, "glossy_young_9_joint");
+
     /// One stage each, in the order of the pipeline.
     pub const SINGLE: [Self; 16] = [
         Self::MATTE_TEMPORAL,
@@ -438,7 +462,15 @@ impl Pass {
     pub const FUSED: [Self; 2] = [Self::TEMPORAL, Self::DISOCCLUSION_FIREFLY];
 
     /// What planes that are tied to a signal need instead of the signal's own pass; their other stages are the signal's.
-    pub const JOINT: [Self; 3] = [Self::MATTE_TEMPORAL_JOINT, Self::FIREFLY_JOINT, Self::GLOSSY_TEMPORAL_JOINT];
+    pub const JOINT: [Self; 7] = [
+        Self::MATTE_TEMPORAL_JOINT,
+        Self::MATTE_YOUNG_3_JOINT,
+        Self::MATTE_YOUNG_9_JOINT,
+        Self::FIREFLY_JOINT,
+        Self::GLOSSY_TEMPORAL_JOINT,
+        Self::GLOSSY_YOUNG_3_JOINT,
+        Self::GLOSSY_YOUNG_9_JOINT,
+    ];
 
     /// What comes before the stages.
     pub const BORDER: [Self; 2] = [Self::PREPARE, Self::COUNT_REPAIRS];

@@ -49,8 +49,15 @@ struct YoungSettings {
     end_1: f32,
     end_3: f32,
     end_9: f32,
+    glossy_end_1: f32,
+    glossy_end_3: f32,
+    glossy_end_9: f32,
     lobe: f32,
     least_lobe: f32,
+    // Of the luminance stop; 0: none.
+    deviations: f32,
+    // Pixels between the taps of the matte level that hands the confidence on; 0: none does.
+    last: i32,
 }
 
 struct SpiralSettings {

@@ -5,11 +5,12 @@ use super::tile::Tile;
 use super::uniform::{Uniform, Value, uniforms};
 use crate::border::Guides;
 use crate::camera::Projection;
+use crate::frame::Signal;
 use crate::history::Validity;
 use crate::kernels::mirror_image::FARTHEST_BENT_PX;
 use crate::plane::Size;
 use crate::settings::{
-    Clip, GlossyRadius, HitFilter, Median, OffScreen, REFERENCE_ROWS, Rejection, Settings, SurfaceSettings, YoungFilter,
+    Clip, GlossyRadius, HitFilter, Median, OffScreen, REFERENCE_ROWS, Rejection, Settings, SurfaceSettings,
 };
 use crate::stages::glossy_bilateral::KernelSize;
 use crate::stages::young_filter;
@@ -86,8 +87,13 @@ uniforms! {
         end_1: f32,
         end_3: f32,
         end_9: f32,
+        glossy_end_1: f32,
+        glossy_end_3: f32,
+        glossy_end_9: f32,
         lobe: f32,
         least_lobe: f32,
+        deviations: f32,
+        last: u32,
     }
 
     Disocclusion as "DisocclusionSettings" {
@@ -293,7 +299,7 @@ impl SettingsUniforms {
             },
             matte_edge: edge(s.edge.matte_gloss),
             glossy_edge: edge(s.edge.glossy_gloss),
-            young: young(&s.young_filter),
+            young: young(s),
             matte_prefilter: Spiral { taps: s.matte_prefilter.taps, mirror: off_screen(s.matte_prefilter.off_screen) },
             matte_bilateral: Spiral { taps: s.matte_bilateral.taps, mirror: off_screen(s.matte_bilateral.off_screen) },
             disocclusion: Disocclusion {
@@ -395,9 +401,23 @@ fn surface(s: &SurfaceSettings) -> Surface {
     }
 }
 
-fn young(s: &YoungFilter) -> Young {
-    let [end_1, end_3, end_9] = young_filter::ends(s);
-    Young { frames: s.frames, end_1, end_3, end_9, lobe: s.lobe, least_lobe: s.least_lobe }
+fn young(settings: &Settings) -> Young {
+    let s = &settings.young_filter;
+    let [end_1, end_3, end_9] = young_filter::ends(s, Signal::Matte);
+    let [glossy_end_1, glossy_end_3, glossy_end_9] = young_filter::ends(s, Signal::Glossy);
+    Young {
+        frames: s.frames,
+        end_1,
+        end_3,
+        end_9,
+        glossy_end_1,
+        glossy_end_3,
+        glossy_end_9,
+        lobe: s.lobe,
+        least_lobe: s.least_lobe,
+        deviations: s.deviations,
+        last: young_filter::last_before_blend(settings).unwrap_or(0) as u32,
+    }
 }
 
 fn clip(clip: Clip) -> u32 {

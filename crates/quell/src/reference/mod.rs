@@ -43,6 +43,8 @@ pub struct Reference {
     size: Size,
     images: HashMap<Image, Vec<Plane<Rgb>>>,
     temporal: [Option<Temporal>; 2],
+    /// Variance of luminance, from one level of `young_filter` to the next.
+    noise: [Option<Plane<f32>>; 2],
     guides: Option<Guides>,
     previous_guides: Option<Guides>,
     matte_history: History,
@@ -60,6 +62,7 @@ impl Reference {
             size,
             images: HashMap::new(),
             temporal: [None, None],
+            noise: [None, None],
             guides: None,
             previous_guides: None,
             matte_history: History::default(),
@@ -102,7 +105,13 @@ impl Reference {
         self.read(frame, sanitised)?;
         for step in &plan.steps {
             match given(step) {
-                Some(given) => self.take(step, given),
+                Some(given) => {
+                    // What a level leaves for the next beside its image.
+                    if step.stage.young_level().is_some() {
+                        self.step(step, frame, settings, valid)?;
+                    }
+                    self.take(step, given);
+                }
                 None => times.measure(step.stage, || self.step(step, frame, settings, valid))?,
             }
         }
@@ -156,6 +165,7 @@ impl Reference {
         self.guides = Some(guides);
         self.images.clear();
         self.temporal = [None, None];
+        self.noise = [None, None];
         let mut copy = |source, absent, name| {
             let mut plane = Plane::filled(frame.size, [0.0; 3]);
             copy_colour(source, absent, &mut plane, name, sanitised);
@@ -204,7 +214,12 @@ impl Reference {
             | Stage::GlossyYoung9 => {
                 let Some((signal, level)) = step.stage.young_level() else { return Ok(()) };
                 let Some(temporal) = self.temporal[signal as usize].as_ref() else { return Ok(()) };
-                young_filter::reference::run(input, &temporal.length, guides, settings, signal, level)
+                let noise = self.noise[signal as usize].take();
+                let level_input =
+                    young_filter::reference::Input { planes: input, length: &temporal.length, noise: noise.as_ref() };
+                let filtered = young_filter::reference::run(level_input, guides, settings, signal, level);
+                self.noise[signal as usize] = filtered.noise;
+                filtered.planes
             }
             Stage::MattePrefilter => matte_prefilter::reference::run(input, guides, settings, frame.index),
             Stage::Disocclusion => {

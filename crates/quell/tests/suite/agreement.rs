@@ -210,6 +210,20 @@ fn every_stage_alone_agrees() {
             [TEMPORAL, &[("young_filter.matte", "on"), ("young_filter.frames", "3")]].concat(),
             WEIGHTS,
         ),
+        (
+            "young matte, stop",
+            [TEMPORAL, &[("young_filter.matte", "on"), ("young_filter.deviations", "3")]].concat(),
+            WEIGHTS,
+        ),
+        (
+            "young glossy, stop",
+            [
+                GLOSSY,
+                &[("young_filter.glossy", "on"), ("young_filter.deviations", "3"), ("young_filter.least_lobe", "1")],
+            ]
+            .concat(),
+            WEIGHTS,
+        ),
         ("young glossy", [GLOSSY, &[("young_filter.glossy", "on"), ("young_filter.lobe", "0.02")]].concat(), WEIGHTS),
         ("4", vec![("matte_prefilter.enabled", "on")], WEIGHTS),
         ("4, mirrored", vec![("matte_prefilter.enabled", "on"), ("matte_prefilter.off_screen", "mirror")], WEIGHTS),
@@ -256,6 +270,8 @@ fn a_dropped_tap_or_weight_is_seen() {
     for (name, value, stage) in [
         ("young_filter.frames", "31", "young_filter.matte"),
         ("young_filter.falloff", "0.45", "young_filter.glossy"),
+        ("young_filter.deviations", "2.5", "young_filter.matte"),
+        ("young_filter.matte_stays", "on", "young_filter.matte"),
         ("matte_prefilter.taps", "23", "matte_prefilter.enabled"),
         ("matte_bilateral.taps", "23", "matte_bilateral.enabled"),
         ("glossy_bilateral.sigma", "0.7", "glossy_bilateral.enabled"),

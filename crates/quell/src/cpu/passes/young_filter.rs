@@ -11,7 +11,7 @@ use crate::phased::rows;
 use crate::settings::OffScreen;
 use crate::stages::matte_prefilter::cpu::{gather, invert};
 use crate::stages::young_filter::Lobe;
-use crate::stages::young_filter::cpu::{by_frames, finish, shares};
+use crate::stages::young_filter::cpu::{Spread, by_frames, finish, luminances, refuse, shares, varied, vary};
 use fearless_simd::{Level, dispatch};
 
 /// What a level needs besides its images.
@@ -30,24 +30,36 @@ pub(crate) struct Filter<'a> {
     pub lobe: Option<Lobe>,
     /// Most frames that count.
     pub frames: f32,
+    /// Squared deviations of the luminance stop.
+    pub squared: f32,
+    /// The variance of luminance, in phase order, as the level before left it; `None`: no luminance stop.
+    pub noise: Option<&'a [f32]>,
 }
 
 /// Taps of a level.
 const TAPS: usize = 8;
 const OFFSETS: [(i32, i32); TAPS] = [(-1, -1), (0, -1), (1, -1), (-1, 0), (1, 0), (-1, 1), (0, 1), (1, 1)];
 
-pub(crate) fn run(filter: &Filter<'_>, input: &Colours, output: &mut Colours) {
+/// `left`: where the variance goes that the next level reads.
+pub(crate) fn run(filter: &Filter<'_>, input: &Colours, output: &mut Colours, left: Option<&mut [f32]>) {
     let phases = filter.guides.phases;
-    let stride = output.stride(phases.size.width);
+    let width = phases.size.width;
+    let stride = output.stride(width);
     let kind = (filter.guides.now.view.perspective, filter.gains.reads_roughness());
-    rows::each(output.elements_mut(), stride, |y, out| {
+    let row = |y: usize, out: &mut [f32], left: Option<&mut [f32]>| {
         dispatch!(filter.level, _simd => match kind {
-            (true, false) => a_row::<true, false>(filter, &phases, input, y, out),
-            (true, true) => a_row::<true, true>(filter, &phases, input, y, out),
-            (false, false) => a_row::<false, false>(filter, &phases, input, y, out),
-            (false, true) => a_row::<false, true>(filter, &phases, input, y, out),
+            (true, false) => a_row::<true, false>(filter, &phases, input, y, (out, left)),
+            (true, true) => a_row::<true, true>(filter, &phases, input, y, (out, left)),
+            (false, false) => a_row::<false, false>(filter, &phases, input, y, (out, left)),
+            (false, true) => a_row::<false, true>(filter, &phases, input, y, (out, left)),
         });
-    });
+    };
+    match left {
+        Some(left) => {
+            rows::zip2((output.elements_mut(), left), [stride, width], |y, out, left| row(y, out, Some(left)));
+        }
+        None => rows::each(output.elements_mut(), stride, |y, out| row(y, out, None)),
+    }
 }
 
 #[repr(align(64))]
@@ -58,6 +70,13 @@ struct Scratch {
     share: Run,
     frames: Run,
     sums: [Run; 3],
+    /// Luminance of the centres, and of a tap.
+    light: Run,
+    light_there: Run,
+    spread: Spread,
+    /// Variance of the centres, and the sum that becomes the variance of their means.
+    noise: Run,
+    varied: Run,
 }
 
 #[inline(always)]
@@ -66,7 +85,7 @@ fn a_row<const PERSPECTIVE: bool, const GLOSS: bool>(
     phases: &Phases,
     input: &Colours,
     y: usize,
-    out: &mut [f32],
+    (out, mut left): (&mut [f32], Option<&mut [f32]>),
 ) {
     let zero = [0.0; RUN];
     let mut scratch = Scratch {
@@ -76,12 +95,18 @@ fn a_row<const PERSPECTIVE: bool, const GLOSS: bool>(
         share: zero,
         frames: zero,
         sums: [zero; 3],
+        light: zero,
+        light_there: zero,
+        spread: Spread::new(),
+        noise: zero,
+        varied: zero,
     };
     let length = run_length(phases.longest());
     for phase in 0..PERIOD {
         for first in (0..phases.count(phase)).step_by(length) {
             let len = length.min(phases.count(phase) - first);
-            filter_run::<PERSPECTIVE, GLOSS>(filter, phases, input, RunOf { y, phase, first, len }, &mut scratch, out);
+            let run = RunOf { y, phase, first, len };
+            filter_run::<PERSPECTIVE, GLOSS>(filter, phases, input, run, &mut scratch, (out, left.as_deref_mut()));
         }
     }
 }
@@ -93,9 +118,10 @@ fn filter_run<const PERSPECTIVE: bool, const GLOSS: bool>(
     input: &Colours,
     run: RunOf,
     scratch: &mut Scratch,
-    out: &mut [f32],
+    (out, left): (&mut [f32], Option<&mut [f32]>),
 ) {
-    let Scratch { centres, taps, total, share, frames, sums } = scratch;
+    let Scratch { centres, taps, total, share, frames, sums, light, light_there, spread, noise, varied: varied_sums } =
+        scratch;
     let guides = filter.guides;
     let width = phases.size.width;
     let view = &guides.now.view;
@@ -104,11 +130,29 @@ fn filter_run<const PERSPECTIVE: bool, const GLOSS: bool>(
     let begin = phases.range(phase).start + first;
     let p = guide_run(guides, y, y * width + begin, n);
     let constants = (filter.end, filter.lobe, filter.frames);
-    if !shares(&filter.length[y * width + begin..][..n], p.roughness, constants, share, frames) {
+    let mature = !shares(&filter.length[y * width + begin..][..n], p.roughness, constants, share, frames);
+    // Level 0 finds the noise, also where it filters nothing.
+    let finds = left.is_some() && filter.noise.is_none();
+    let known = filter.noise.map(|noise| &noise[y * width + begin..][..n]);
+    if mature && !finds {
         for c in 0..3 * input.planes {
             out[c * width + begin..][..n].copy_from_slice(&own[c * width + begin..][..n]);
         }
+        if let Some((left, known)) = left.zip(known) {
+            left[begin..][..n].copy_from_slice(known);
+        }
         return;
+    }
+    if finds {
+        spread.begin(&frames[..n]);
+    }
+    if finds || known.is_some() {
+        luminances(three(|c| &channel(own, width, 0, c)[begin..][..n]), &mut light[..n]);
+    }
+    if let Some(known) = known {
+        // A tap's pieces are whole vectors: they reach beyond the run.
+        noise[..n].copy_from_slice(known);
+        varied_sums[..n].iter_mut().zip(known).zip(&frames[..n]).for_each(|((sum, v), n)| *sum = n * n * v);
     }
     let x = (PERIOD * first + phase) as f32;
     centres.fill(view, &filter.gains, &p, x + 0.5 + guides.now.jitter.x, y as f32 + 0.5 + guides.now.jitter.y);
@@ -126,11 +170,35 @@ fn filter_run<const PERSPECTIVE: bool, const GLOSS: bool>(
             let geometry = Tap::new(view, piece.offset.0, piece.offset.1);
             weights::<PERSPECTIVE, GLOSS>(centres, piece.first, &q, &geometry, &filter.gains, of_tap);
             piece.mask(of_tap);
-            by_frames(of_tap, &share[lanes.clone()], &filter.length[piece.at..][..piece.len], filter.frames);
+            let length = &filter.length[piece.at..][..piece.len];
+            if finds || known.is_some() {
+                let there =
+                    three(|c| &colours[of_fields(piece.at, width, 3 * input.planes, piece.y, c)..][..piece.len]);
+                luminances(there, &mut light_there[..piece.len]);
+            }
+            let lights = (&light_there[..piece.len], &light[lanes.clone()]);
+            let there = filter.noise.map(|noise| &noise[piece.at..][..piece.len]);
+            if finds {
+                spread.add(piece.first, of_tap, length, filter.frames, lights);
+            }
+            if let Some(there) = there {
+                refuse(of_tap, lights, (there, &noise[lanes.clone()]), filter.squared);
+            }
+            by_frames(of_tap, &share[lanes.clone()], length, filter.frames);
+            if let Some(there) = there {
+                vary(of_tap, there, &mut varied_sums[lanes.clone()]);
+            }
             total[lanes].iter_mut().zip(of_tap).for_each(|(total, w)| *total += *w);
         }
     }
     invert(&mut total[..n]);
+    if let Some(left) = left {
+        let left = &mut left[begin..][..n];
+        match known {
+            Some(known) => varied(varied_sums, total, p.depth, known, left),
+            None => spread.finish((total, share, frames), p.depth, light, left),
+        }
+    }
     for plane in 0..input.planes {
         for c in 0..3 {
             let centre = &channel(own, width, plane, c)[begin..][..n];

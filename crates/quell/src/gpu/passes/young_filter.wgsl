@@ -1,20 +1,32 @@
-// The levels of the filter of young history, one pixel an invocation. The fourth value is the signal's confidence: later
-// stages read it.
-fn young_input(pixel: vec2i) -> vec3f {
-    return first_colour(textureLoad(input, pixel, 0));
+// The levels of the filter of young history, one pixel an invocation. The fourth value of what a level reads and writes is the
+// signal's confidence, which stage 5 reads; with a luminance stop, from the first level to the last, the deviation of the noise.
+fn young_light(pixel: vec2i) -> vec4f {
+    let texel = textureLoad(input, pixel, 0);
+    return vec4f(first_colour(texel), texel.w);
+}
+
+fn young_colour(pixel: vec2i, light: vec4f) -> vec3f {
+    return light.xyz;
 }
 
 fn young_length(pixel: vec2i) -> f32 {
     return textureLoad(history_length, pixel, 0).x;
 }
 
-fn store(pixel: vec2i, colour: vec3f) {
-    textureStore(output, pixel, vec4f(stored_colour(colour), textureLoad(input, pixel, 0).w));
+fn store(pixel: vec2i, filtered: Young, is_last: bool) {
+    var fourth = textureLoad(input, pixel, 0).w;
+    if is_last {
+        fourth = textureLoad(accumulated, pixel, 0).w;
+    } else if settings.young.deviations > 0.0 {
+        fourth = stored_colour(vec3f(filtered.deviation)).x;
+    }
+    textureStore(output, pixel, vec4f(stored_colour(filtered.colour), fourth));
 }
 
 fn matte_level(pixel: vec2i, step: i32, end: f32) {
     if contains(pixel) {
-        store(pixel, young_filter(pixel, settings.matte_edge, step, young_share(pixel, end, 1.0)));
+        let filtered = young_filter(pixel, settings.matte_edge, step, young_share(pixel, end, 1.0));
+        store(pixel, filtered, step == settings.young.last);
     }
 }
 
@@ -22,7 +34,7 @@ fn glossy_level(pixel: vec2i, step: i32, end: f32) {
     if contains(pixel) {
         let gain = settings.young.lobe * LOBE_SPREAD * frame.view.focal_px;
         let share = young_share(pixel, end, young_lobe(pixel, gain, step));
-        store(pixel, young_filter(pixel, settings.glossy_edge, step, share));
+        store(pixel, young_filter(pixel, settings.glossy_edge, step, share), false);
     }
 }
 
@@ -43,15 +55,15 @@ fn matte_young_9(@builtin(global_invocation_id) id: vec3u) {
 
 @compute @workgroup_size(8, 8)
 fn glossy_young_1(@builtin(global_invocation_id) id: vec3u) {
-    glossy_level(vec2i(id.xy), 1, settings.young.end_1);
+    glossy_level(vec2i(id.xy), 1, settings.young.glossy_end_1);
 }
 
 @compute @workgroup_size(8, 8)
 fn glossy_young_3(@builtin(global_invocation_id) id: vec3u) {
-    glossy_level(vec2i(id.xy), 3, settings.young.end_3);
+    glossy_level(vec2i(id.xy), 3, settings.young.glossy_end_3);
 }
 
 @compute @workgroup_size(8, 8)
 fn glossy_young_9(@builtin(global_invocation_id) id: vec3u) {
-    glossy_level(vec2i(id.xy), 9, settings.young.end_9);
+    glossy_level(vec2i(id.xy), 9, settings.young.glossy_end_9);
 }

@@ -1,7 +1,8 @@
 //! The filter of young history on runs of pixels.
 
-use super::{Lobe, counted, fade};
-use crate::kernels::edge_cpu::Run;
+use super::{LEAST_NEIGHBOURS, Lobe, counted, fade, stop};
+use crate::kernels::edge_cpu::{RUN, Run};
+use crate::kernels::math::luminance;
 
 /// Fade and frames of a run of pixels; says whether any of them is filtered.
 #[inline(always)]
@@ -43,5 +44,125 @@ pub(crate) fn finish(sums: &[f32], part: &[f32], share: &[f32], depth: &[f32], c
     for i in 0..n {
         let mean = sums[i] * part[i];
         out[i] = if (depth[i] < f32::INFINITY) & (share[i] > 0.0) { mean } else { centre[i] };
+    }
+}
+
+/// Luminance of a run.
+#[inline(always)]
+pub(crate) fn luminances([r, g, b]: [&[f32]; 3], out: &mut [f32]) {
+    let n = out.len();
+    let (r, g, b) = (&r[..n], &g[..n], &b[..n]);
+    for i in 0..n {
+        out[i] = luminance([r[i], g[i], b[i]]);
+    }
+}
+
+/// What level 0 gathers of a run's taps to know the noise. Luminances are differences to the centre's: nothing cancels.
+#[derive(Debug)]
+#[repr(align(64))]
+pub(crate) struct Spread {
+    /// Sums of edge weights w and of their squares, with the centre's.
+    edges: [Run; 2],
+    /// Sums of w N, w N x and w N x^2, with the centre's.
+    moments: [Run; 3],
+    /// Sum of w^2 N, without the centre's.
+    squares: Run,
+}
+
+impl Spread {
+    pub fn new() -> Self {
+        Self { edges: [[1.0; RUN]; 2], moments: [[0.0; RUN]; 3], squares: [0.0; RUN] }
+    }
+
+    /// The centre alone; `frames`: N.
+    #[inline(always)]
+    pub fn begin(&mut self, frames: &[f32]) {
+        let n = frames.len();
+        self.edges = [[1.0; RUN]; 2];
+        self.moments[0][..n].copy_from_slice(frames);
+        self.moments[1] = [0.0; RUN];
+        self.moments[2] = [0.0; RUN];
+        self.squares = [0.0; RUN];
+    }
+
+    /// Adds a tap from lane `first` on: edge weights, history lengths, luminances of the taps and of the centres.
+    #[inline(always)]
+    pub fn add(&mut self, first: usize, weights: &[f32], length: &[f32], most: f32, (q, p): (&[f32], &[f32])) {
+        let n = weights.len();
+        let (length, q, p) = (&length[..n], &q[..n], &p[..n]);
+        let [edges, edge_squares] = &mut self.edges;
+        let [m0, m1, m2] = &mut self.moments;
+        let (edges, edge_squares) = (&mut edges[first..][..n], &mut edge_squares[first..][..n]);
+        let (m0, m1, m2) = (&mut m0[first..][..n], &mut m1[first..][..n], &mut m2[first..][..n]);
+        let squares = &mut self.squares[first..][..n];
+        for i in 0..n {
+            let w = weights[i];
+            let framed = w * counted(length[i], most);
+            let x = q[i] - p[i];
+            edges[i] += w;
+            edge_squares[i] += w * w;
+            m0[i] += framed;
+            m1[i] += framed * x;
+            m2[i] += framed * x * x;
+            squares[i] += w * framed;
+        }
+    }
+
+    /// The variance of the filtered luminance. `part`: one over the sum of the weights of the mean; `light`: the centres'.
+    #[inline(always)]
+    pub fn finish(
+        &self,
+        (part, share, frames): (&[f32], &[f32], &[f32]),
+        depth: &[f32],
+        light: &[f32],
+        out: &mut [f32],
+    ) {
+        let n = out.len();
+        let (part, share, frames) = (&part[..n], &share[..n], &frames[..n]);
+        let (depth, light) = (&depth[..n], &light[..n]);
+        let [edges, edge_squares] = self.edges.each_ref().map(|v| &v[..n]);
+        let [m0, m1, m2] = self.moments.each_ref().map(|v| &v[..n]);
+        let squares = &self.squares[..n];
+        for i in 0..n {
+            let count = edges[i] * edges[i] / edge_squares[i];
+            let spread = m2[i] - m1[i] * m1[i] / m0[i];
+            let spread = if spread > 0.0 { spread } else { 0.0 };
+            let known = count >= LEAST_NEIGHBOURS;
+            let unbiased = count / if known { count - 1.0 } else { 1.0 };
+            let of_a_frame = if known { spread / edges[i] * unbiased } else { frames[i] * (light[i] * light[i]) };
+            let sum = of_a_frame * (frames[i] + share[i] * share[i] * squares[i]);
+            out[i] = if depth[i] < f32::INFINITY { sum * part[i] * part[i] } else { light[i] * light[i] };
+        }
+    }
+}
+
+/// The luminance stop of a tap; luminances and variances of the taps and of the centres.
+#[inline(always)]
+pub(crate) fn refuse(weights: &mut [f32], light: (&[f32], &[f32]), noise: (&[f32], &[f32]), squared: f32) {
+    let n = weights.len();
+    let (lq, lp) = (&light.0[..n], &light.1[..n]);
+    let (vq, vp) = (&noise.0[..n], &noise.1[..n]);
+    for i in 0..n {
+        weights[i] *= stop(lp[i], lq[i], vp[i] + vq[i], squared);
+    }
+}
+
+/// Adds a tap's part to the variance of the mean.
+#[inline(always)]
+pub(crate) fn vary(weights: &[f32], noise: &[f32], sums: &mut [f32]) {
+    let n = weights.len();
+    let (noise, sums) = (&noise[..n], &mut sums[..n]);
+    for i in 0..n {
+        sums[i] += weights[i] * weights[i] * noise[i];
+    }
+}
+
+/// The variance of the filtered luminance from those parts; `centre`: as the level before left it.
+#[inline(always)]
+pub(crate) fn varied(sums: &[f32], part: &[f32], depth: &[f32], centre: &[f32], out: &mut [f32]) {
+    let n = out.len();
+    let (sums, part, depth, centre) = (&sums[..n], &part[..n], &depth[..n], &centre[..n]);
+    for i in 0..n {
+        out[i] = if depth[i] < f32::INFINITY { sums[i] * part[i] * part[i] } else { centre[i] };
     }
 }

@@ -7,22 +7,27 @@
 //! | reach | 3^i pixels in level i, i = 0, 1, 2 |
 //! | equation | out = (N_p c_p + sum_q s w_pq N_q c_q) / (N_p + sum_q s w_pq N_q) over the eight q whose offsets are -3^i, 0 or 3^i along both axes |
 //! | edge stops | w_pq of `kernels/edge.rs`, for the glossy signal with gloss |
-//! | fade | s = clamp((F_i - N_p) / (F_i - 1), 0, 1), F_i = `frames` `falloff`^i; glossy: times min(1, (`lobe` r + `least_lobe`) / 3^i), r = 2 roughness^2 f, f the focal length in pixels |
-//! | source | ours; levels of sparse taps: Dammertz et al. (HPG 2010); a filter in space for short histories: SVGF (Schied et al., HPG 2017) 4.2 |
+//! | luminance stop | from level 1 on, where `deviations` K is above 0: w_pq times max(0, 1 - (l_p - l_q)^2 / (K^2 (v_p + v_q) + e^2 (l_p + l_q)^2))^2 (Tukey's biweight), l the input's luminance, v its noise's variance, e = 0.004 |
+//! | noise | v' = sum_q u_q^2 v_q / (sum_q u_q)^2, u the weights of the mean; at level 0 v_q = S / N_q, S the variance of one frame's light: (n / (n - 1)) sum_q w_q N_q (l_q - m)^2 / sum_q w_q, m the mean of l with weights w N, n = (sum w)^2 / sum w^2; N_p l_p^2 where n is under 1.5 |
+//! | fade | s = clamp((F_i - N_p) / (F_i - 1), 0, 1), F_i = `frames` `falloff`^i (matte with `matte_stays`: 1e9); glossy: times min(1, (`lobe` r + `least_lobe`) / 3^i), r = 2 roughness^2 f, f the focal length in pixels |
+//! | source | ours; levels of sparse taps: Dammertz et al. (HPG 2010); a filter in space for short histories: SVGF (Schied et al., HPG 2017) 4.2; a luminance stop that knows the noise: SVGF 4.3 |
 //! | parameters | `young_filter.*`, `edge.*` |
 //!
 //! A mean of N frames has an N-th of the variance of one: neighbours count by their own N, at most `frames`, so that what has
 //! just been uncovered takes its light from what has long been seen. The pixels of level i + 1 lie as far apart as those of level i
-//! reach, so that three levels together are a mean over 27x27 pixels without gaps. Weights come from feature buffers and lengths
-//! alone: the filter is linear in the light, and keeps its energy. Radii are in pixels of any image, since so is the noise.
-//! Background passes through.
+//! reach, so that three levels together are a mean over 27x27 pixels without gaps: no two of a level's inputs share a pixel, their noise is
+//! independent, and the variance of their difference is the sum of theirs. Without the luminance stop weights come from feature buffers and
+//! lengths alone: the filter is linear in the light, and keeps its energy. The stop is even in both pixels: what is dark by chance
+//! refuses what is bright no more than the other way round. Passes take the weights of the signal that they are tied to, and still add up.
+//! Radii are in pixels of any image, since so is the noise. Background passes through.
 
 #[cfg(feature = "cpu")]
 pub(crate) mod cpu;
 pub mod reference;
 
+use crate::frame::Signal;
 use crate::reach::Reach;
-use crate::settings::YoungFilter;
+use crate::settings::{Settings, YoungFilter};
 use crate::stages::glossy_bilateral::LOBE_SPREAD;
 
 /// Levels.
@@ -34,9 +39,21 @@ pub(crate) const fn step_px(level: u32) -> usize {
     3usize.pow(level)
 }
 
+/// No history is as long.
+const NEVER: f32 = 1e9;
+
 /// F_i: the history length from which on each level does nothing.
-pub(crate) fn ends(s: &YoungFilter) -> [f32; LEVELS] {
+pub(crate) fn ends(s: &YoungFilter, signal: Signal) -> [f32; LEVELS] {
+    if s.matte_stays && signal == Signal::Matte {
+        return [NEVER; LEVELS];
+    }
     [s.frames, s.frames * s.falloff, s.frames * s.falloff * s.falloff]
+}
+
+/// Pixels between the taps of the last matte level that will run, where stage 5 reads what that leaves.
+pub(crate) fn last_before_blend(s: &Settings) -> Option<usize> {
+    let acting = ends(&s.young_filter, Signal::Matte).iter().filter(|end| **end > 1.0).count() as u32;
+    (s.disocclusion.enabled && acting > 0).then(|| step_px(acting - 1))
 }
 
 /// How far a level looks.
@@ -80,4 +97,21 @@ impl Lobe {
 #[inline(always)]
 pub(crate) fn counted(length: f32, most: f32) -> f32 {
     if length < most { length } else { most }
+}
+
+/// Under this part of both luminances no difference counts: storage in halves rounds by a twentieth of it at most.
+pub(crate) const SAME_LIGHT: f32 = 0.004;
+/// Added to the variance of a difference: where both are black, nothing differs.
+pub(crate) const LEAST_VARIANCE: f32 = 1e-30;
+/// Neighbours, with the centre, from which a variance is known; fewer: the light itself is taken for its deviation.
+pub(crate) const LEAST_NEIGHBOURS: f32 = 1.5;
+
+/// The luminance stop between two means of luminance, from the sum of their noise's variances; `squared`: of `deviations`.
+#[inline(always)]
+pub(crate) fn stop(p: f32, q: f32, variance: f32, squared: f32) -> f32 {
+    let (off, floor) = (p - q, SAME_LIGHT * (p + q));
+    let most = squared * variance + floor * floor;
+    let left = 1.0 - off * off / (most + LEAST_VARIANCE);
+    let left = if left > 0.0 { left } else { 0.0 };
+    left * left
 }

@@ -1,66 +1,124 @@
 //! The specification of the filter of young history.
 
-use super::{Lobe, counted, ends, fade, step_px};
+use super::{LEAST_NEIGHBOURS, Lobe, counted, ends, fade, step_px, stop};
 use crate::border::Guides;
 use crate::frame::{Rgb, Signal};
 use crate::kernels::edge::EdgeStops;
+use crate::kernels::math::luminance;
 use crate::par;
 use crate::plane::Plane;
 use crate::settings::Settings;
 
-/// Runs a level on the whole image; `input`: the signal, then its passes; `length`: frames, at least 1.
-pub fn run(
-    input: &[Plane<Rgb>],
-    length: &Plane<f32>,
-    guides: &Guides,
-    settings: &Settings,
-    signal: Signal,
-    level: u32,
-) -> Vec<Plane<Rgb>> {
+/// What a level reads.
+#[derive(Clone, Copy, Debug)]
+pub struct Input<'a> {
+    /// The signal, then its passes.
+    pub planes: &'a [Plane<Rgb>],
+    /// Frames, at least 1.
+    pub length: &'a Plane<f32>,
+    /// The variance of the signal's luminance, as the level before left it; read from level 1 on.
+    pub noise: Option<&'a Plane<f32>>,
+}
+
+/// What a level writes.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Filtered {
+    /// The signal, then its passes.
+    pub planes: Vec<Plane<Rgb>>,
+    /// The variance of the signal's luminance; `None` without a luminance stop.
+    pub noise: Option<Plane<f32>>,
+}
+
+/// A pixel of the 3x3 whose distance is the level's step.
+#[derive(Clone, Copy, Debug)]
+struct Tap {
+    at: (usize, usize),
+    /// By geometry alone; the centre's is 1.
+    edge: f64,
+    /// Its weight in the mean.
+    weight: f64,
+}
+
+/// Runs a level on the whole image.
+pub fn run(input: Input<'_>, guides: &Guides, settings: &Settings, signal: Signal, level: u32) -> Filtered {
     let size = guides.size;
     let young = &settings.young_filter;
-    let end = ends(young)[level as usize];
+    let end = ends(young, signal)[level as usize];
     let lobe = Lobe::new(young, guides.view.focal_px, level);
     let (stops, has_lobe) = match signal {
         Signal::Matte => (EdgeStops::matte(&settings.edge), false),
         Signal::Glossy => (EdgeStops::glossy(&settings.edge), guides.has_roughness),
     };
     let step = step_px(level) as isize;
-    let frames = |x, y| f64::from(counted(length.at(x, y), young.frames));
-    input
-        .iter()
-        .map(|plane| {
-            par::plane(size, |x, y| {
-                let centre = plane.at(x, y);
-                let p = guides.surface(x, y);
-                if !p.view_depth.is_finite() {
-                    return centre;
-                }
-                let room = if has_lobe { lobe.room(p.roughness) } else { 1.0 };
-                let share = fade(length.at(x, y), end) * room;
-                if share <= 0.0 {
-                    return centre;
-                }
-                let pixel_size = guides.view.pixel_size(p.view_depth);
-                let mut total = frames(x, y);
-                let mut sum = centre.map(|v| total * f64::from(v));
-                for (dx, dy) in (0..9).map(|k| ((k % 3 - 1) * step, (k / 3 - 1) * step)) {
-                    let (qx, qy) = (x as isize + dx, y as isize + dy);
-                    if (dx, dy) == (0, 0) || !size.contains(qx, qy) {
-                        continue;
-                    }
-                    let (qx, qy) = (qx as usize, qy as usize);
-                    let (origin, direction) = guides.ray(qx, qy);
-                    let edge = stops.weight(&p, &guides.surface(qx, qy), origin, direction, pixel_size);
-                    let w = f64::from(share * edge) * frames(qx, qy);
-                    let q = plane.at(qx, qy);
-                    for c in 0..3 {
-                        sum[c] += w * f64::from(q[c]);
-                    }
-                    total += w;
-                }
-                sum.map(|s| (s / total) as f32)
-            })
-        })
-        .collect()
+    let frames = |(x, y): (usize, usize)| f64::from(counted(input.length.at(x, y), young.frames));
+    let light = |(x, y): (usize, usize)| luminance(input.planes[0].at(x, y));
+    let squared = young.deviations * young.deviations;
+    let noise = input.noise.filter(|_| level > 0 && squared > 0.0);
+    // The taps, the centre first; none: background.
+    let taps = |x: usize, y: usize| -> (f32, Vec<Tap>) {
+        let p = guides.surface(x, y);
+        let mut taps = vec![Tap { at: (x, y), edge: 1.0, weight: frames((x, y)) }];
+        if !p.view_depth.is_finite() {
+            return (0.0, taps);
+        }
+        let room = if has_lobe { lobe.room(p.roughness) } else { 1.0 };
+        let share = fade(input.length.at(x, y), end) * room;
+        let pixel_size = guides.view.pixel_size(p.view_depth);
+        for (dx, dy) in (0..9).map(|k| ((k % 3 - 1) * step, (k / 3 - 1) * step)) {
+            let (qx, qy) = (x as isize + dx, y as isize + dy);
+            if (dx, dy) == (0, 0) || !size.contains(qx, qy) {
+                continue;
+            }
+            let (qx, qy) = (qx as usize, qy as usize);
+            let (origin, direction) = guides.ray(qx, qy);
+            let edge = stops.weight(&p, &guides.surface(qx, qy), origin, direction, pixel_size);
+            let like = noise.map_or(1.0, |v| stop(light((x, y)), light((qx, qy)), v.at(x, y) + v.at(qx, qy), squared));
+            let weight = f64::from(share * edge * like) * frames((qx, qy));
+            taps.push(Tap { at: (qx, qy), edge: f64::from(edge), weight });
+        }
+        (share, taps)
+    };
+    let mean = |plane: &Plane<Rgb>, x: usize, y: usize| {
+        let (share, taps) = taps(x, y);
+        if share <= 0.0 {
+            return plane.at(x, y);
+        }
+        let (mut total, mut sum) = (0.0, [0.0; 3]);
+        for tap in taps.iter().filter(|tap| tap.weight > 0.0) {
+            let q = plane.at(tap.at.0, tap.at.1);
+            for c in 0..3 {
+                sum[c] += tap.weight * f64::from(q[c]);
+            }
+            total += tap.weight;
+        }
+        sum.map(|s| (s / total) as f32)
+    };
+    let variance = |x: usize, y: usize| {
+        let (_, taps) = taps(x, y);
+        let own: Vec<f64> = match noise {
+            Some(noise) => taps.iter().map(|tap| f64::from(noise.at(tap.at.0, tap.at.1))).collect(),
+            None => {
+                let lights: Vec<(f64, f64)> =
+                    taps.iter().map(|tap| (tap.edge * frames(tap.at), f64::from(light(tap.at)))).collect();
+                let total: f64 = lights.iter().map(|(w, _)| w).sum();
+                let mean = lights.iter().map(|(w, l)| w * l).sum::<f64>() / total;
+                let spread: f64 = lights.iter().map(|(w, l)| w * (l - mean).powi(2)).sum();
+                let edges: f64 = taps.iter().map(|tap| tap.edge).sum();
+                let n = edges * edges / taps.iter().map(|tap| tap.edge * tap.edge).sum::<f64>();
+                let of_a_frame = if n >= f64::from(LEAST_NEIGHBOURS) {
+                    spread / edges * n / (n - 1.0)
+                } else {
+                    frames((x, y)) * f64::from(light((x, y))).powi(2)
+                };
+                taps.iter().map(|tap| of_a_frame / frames(tap.at)).collect()
+            }
+        };
+        let total: f64 = taps.iter().map(|tap| tap.weight).sum();
+        let sum: f64 = taps.iter().zip(own).map(|(tap, v)| tap.weight * tap.weight * v).sum();
+        (sum / (total * total)) as f32
+    };
+    Filtered {
+        planes: input.planes.iter().map(|plane| par::plane(size, |x, y| mean(plane, x, y))).collect(),
+        noise: (squared > 0.0).then(|| par::plane(size, variance)),
+    }
 }

@@ -1,6 +1,14 @@
 // Twin of reference.rs: a level of the filter of young history.
 //
-// The pass supplies `young_input` and `young_length`.
+// The pass supplies `young_light`, the signal and, in the fourth value, the deviation that the level before left;
+// `young_colour`, the plane that is filtered, which may be the signal itself; and `young_length`.
+
+// What a level makes of a pixel.
+struct Young {
+    colour: vec3f,
+    // Deviation of the noise of the signal's luminance; of meaning where there is a luminance stop.
+    deviation: f32,
+}
 
 // How much a pixel counts: its frames.
 fn young_frames(pixel: vec2i) -> f32 {
@@ -21,16 +29,35 @@ fn young_lobe(pixel: vec2i, gain: f32, step: i32) -> f32 {
     return min((gain * (roughness * roughness) + settings.young.least_lobe) / f32(step), 1.0);
 }
 
-// A level whose taps lie `step` pixels apart, at one pixel.
-fn young_filter(pixel: vec2i, stops: EdgeStops, step: i32, share: f32) -> vec3f {
-    let centre = young_input(pixel);
+// The luminance stop between two means of luminance, from the sum of their noise's variances.
+fn young_stop(p: f32, q: f32, variance: f32) -> f32 {
+    let off = p - q;
+    let least = YOUNG_SAME_LIGHT * (p + q);
+    let most = settings.young.deviations * settings.young.deviations * variance + least * least;
+    let left = max(1.0 - off * off / (most + YOUNG_LEAST_VARIANCE), 0.0);
+    return left * left;
+}
+
+// A level whose taps lie `step` pixels apart, at one pixel. The first finds the noise, also where it filters nothing.
+fn young_filter(pixel: vec2i, stops: EdgeStops, step: i32, share: f32) -> Young {
+    let own = young_light(pixel);
+    let centre = young_colour(pixel, own);
     let p = surface_of(pixel);
-    if p.view_depth == BACKGROUND || share <= 0.0 {
-        return centre;
+    let has_stop = settings.young.deviations > 0.0;
+    let finds = has_stop && step == 1;
+    let light = luminance(own.xyz);
+    if p.view_depth == BACKGROUND || (share <= 0.0 && !finds) {
+        return Young(centre, select(own.w, light, finds));
     }
     let pixel_size = pixel_size_at(frame.view, p.view_depth);
-    var total = young_frames(pixel);
+    let frames = young_frames(pixel);
+    var total = frames;
     var sum = total * centre;
+    var varied = total * total * own.w * own.w;
+    // Sums of edge weights w and w^2; of w N times 1, x and x^2, x the difference in luminance to the centre; of w^2 N.
+    var edges = vec2f(1.0);
+    var moments = vec3f(frames, 0.0, 0.0);
+    var squares = 0.0;
     for (var dy = -1; dy <= 1; dy++) {
         for (var dx = -1; dx <= 1; dx++) {
             let q = pixel + vec2i(dx, dy) * step;
@@ -40,12 +67,35 @@ fn young_filter(pixel: vec2i, stops: EdgeStops, step: i32, share: f32) -> vec3f 
             let origin = ray_origin(frame.view, sample_position(q));
             let direction = ray_direction(frame.view, sample_position(q));
             let edge = edge_weight(stops, p, surface_of(q), origin, direction, pixel_size);
-            let w = share * edge * young_frames(q);
+            if edge <= 0.0 {
+                continue;
+            }
+            let there = young_light(q);
+            let counted = young_frames(q);
+            var w = share * edge * counted;
+            if finds {
+                let x = luminance(there.xyz) - light;
+                edges += vec2f(edge, edge * edge);
+                moments += edge * counted * vec3f(1.0, x, x * x);
+                squares += edge * edge * counted;
+            } else if has_stop {
+                w *= young_stop(light, luminance(there.xyz), own.w * own.w + there.w * there.w);
+            }
             if w > 0.0 {
-                sum += w * young_input(q);
+                sum += w * young_colour(q, there);
                 total += w;
+                varied += w * w * there.w * there.w;
             }
         }
     }
-    return sum / total;
+    if finds {
+        let count = edges.x * edges.x / edges.y;
+        let spread = max(moments.z - moments.y * moments.y / moments.x, 0.0);
+        var of_a_frame = frames * light * light;
+        if count >= YOUNG_LEAST_NEIGHBOURS {
+            of_a_frame = spread / edges.x * (count / (count - 1.0));
+        }
+        varied = of_a_frame * (frames + share * share * squares);
+    }
+    return Young(sum / total, sqrt(varied) / total);
 }

@@ -163,6 +163,21 @@ const fn case(
     Case { name, bound, changes, job }
 }
 
+/// A luminance stop, and lobes wide enough that every level acts.
+const YOUNG_GLOSSY: &[(&str, &str)] =
+    &[("young_filter.deviations", "3"), ("young_filter.lobe", "0.5"), ("young_filter.least_lobe", "2")];
+
+/// A luminance stop, and levels that do not fade.
+const YOUNG_STAYS: &[(&str, &str)] = &[
+    ("young_filter.deviations", "3"),
+    ("young_filter.matte_stays", "on"),
+    ("young_filter.frames", "2"),
+    ("disocclusion.enabled", "off"),
+];
+/// A luminance stop where history is long enough not to be filtered.
+const YOUNG_MATURE: &[(&str, &str)] =
+    &[("young_filter.deviations", "4"), ("young_filter.frames", "1.5"), ("disocclusion.enabled", "off")];
+
 /// The table: every comparison with its bound.
 pub const CASES: &[Case] = &[
     case("3", SURFACES, &[], |i, s| i.temporal(Signal::Matte, s, true)),
@@ -185,6 +200,17 @@ pub const CASES: &[Case] = &[
     }),
     case("young glossy 3", WEIGHTS, &[("young_filter.lobe", "0.2")], |i, s| i.young(Signal::Glossy, 1, s)),
     case("young glossy 9", WEIGHTS, &[("young_filter.lobe", "0.5")], |i, s| i.young(Signal::Glossy, 2, s)),
+    case("young 1, stop", WEIGHTS, &[("young_filter.deviations", "4")], |i, s| i.young(Signal::Matte, 0, s)),
+    case("young 1, stop, mature", WEIGHTS, YOUNG_MATURE, |i, s| i.young(Signal::Matte, 0, s)),
+    case("young 3, stop", WEIGHTS, &[("young_filter.deviations", "3")], |i, s| i.young(Signal::Matte, 1, s)),
+    case("young 9, stop", WEIGHTS, YOUNG_STAYS, |i, s| i.young(Signal::Matte, 2, s)),
+    case("young 9, stop, kept", WEIGHTS, &[("young_filter.deviations", "2")], |i, s| i.young(Signal::Matte, 2, s)),
+    case("young glossy 1, stop", WEIGHTS, YOUNG_GLOSSY, |i, s| i.young(Signal::Glossy, 0, s)),
+    case("young glossy 3, stop", WEIGHTS, YOUNG_GLOSSY, |i, s| i.young(Signal::Glossy, 1, s)),
+    case("young 3, joint", WEIGHTS, &[("young_filter.deviations", "3")], |i, s| i.young_joint(Signal::Matte, 1, s)),
+    case("young 9, joint", WEIGHTS, &[("young_filter.deviations", "3")], |i, s| i.young_joint(Signal::Matte, 2, s)),
+    case("young glossy 3, joint", WEIGHTS, YOUNG_GLOSSY, |i, s| i.young_joint(Signal::Glossy, 1, s)),
+    case("young glossy 9, joint", WEIGHTS, YOUNG_GLOSSY, |i, s| i.young_joint(Signal::Glossy, 2, s)),
     case("4", WEIGHTS, &[], |i, s| i.sparse(false, s)),
     case("4, mirrored", WEIGHTS, &[("matte_prefilter.off_screen", "mirror")], |i, s| i.sparse(false, s)),
     case("4, gloss", WEIGHTS, &[("edge.matte_gloss", "1")], |i, s| i.sparse(false, s)),
@@ -367,7 +393,22 @@ pub const PLANTED: &[(&str, &str, &str)] = &[
     ("young 1", "min(young_length(pixel), settings.young.frames)", "young_length(pixel)"),
     ("young 1", "(1.0 / (end - 1.0))", "(1.0 / end)"),
     ("young 3", "var sum = total * centre;", "var sum = centre;"),
-    ("young 3", "let w = share * edge * young_frames(q);", "let w = share * edge;"),
+    ("young 3", "var w = share * edge * counted;", "var w = share * edge;"),
+    ("young 1, stop", "(count / (count - 1.0))", "1.0"),
+    ("young 1, stop", "- moments.y * moments.y / moments.x", ""),
+    ("young 1, stop", "(frames + share * share * squares)", "frames"),
+    ("young 1, stop", "edges += vec2f(edge, edge * edge);", "edges += vec2f(edge, edge);"),
+    (
+        "young 1, stop, mature",
+        "let finds = has_stop && step == 1;",
+        "let finds = has_stop && step == 1 && share > 0.0;",
+    ),
+    ("young 1, stop", "if count >= YOUNG_LEAST_NEIGHBOURS", "if count >= 0.0"),
+    ("young 3, stop", "return left * left;", "return left;"),
+    ("young 3, stop", "own.w * own.w + there.w * there.w", "own.w * own.w"),
+    ("young 3, stop", "varied += w * w * there.w * there.w;", "varied += w * there.w * there.w;"),
+    ("young 9, stop", "settings.young.deviations * settings.young.deviations", "settings.young.deviations"),
+    ("young glossy 3, stop", "let least = YOUNG_SAME_LIGHT * (p + q);", "let least = 0.3 * (p + q);"),
     ("young glossy 1", "gain * (roughness * roughness)", "gain * roughness"),
     ("5", "k = max(k, 1.0 - confidence_at", "k = min(k, 1.0 - confidence_at"),
     ("5", "sum += widest_at(vec2i(tx, pixel.y));", "sum += widest_at(pixel);"),
@@ -413,7 +454,16 @@ pub const PLANTED: &[(&str, &str, &str)] = &[
         "matte_level(vec2i(id.xy), 9, settings.young.end_9)",
         "matte_level(vec2i(id.xy), 9, settings.young.end_3)",
     ),
-    ("young 1", "textureLoad(input, pixel, 0).w));", "1.0));"),
+    ("young 1", "var fourth = textureLoad(input, pixel, 0).w;", "var fourth = 1.0;"),
+    ("young 9, stop, kept", "fourth = textureLoad(accumulated, pixel, 0).w;", "fourth = 1.0;"),
+    ("young 9, stop", "stored_colour(vec3f(filtered.deviation)).x", "0.5"),
+    ("young 9, joint", "first_colour(textureLoad(pass_input, pixel, 0))", "light.xyz"),
+    (
+        "young 3, joint",
+        "matte_level(vec2i(id.xy), 3, settings.young.end_3)",
+        "matte_level(vec2i(id.xy), 1, settings.young.end_3)",
+    ),
+    ("young glossy 9, joint", "settings.young.lobe * LOBE_SPREAD * frame.view.focal_px", "settings.young.lobe"),
     ("young glossy 3", "settings.young.lobe * LOBE_SPREAD * frame.view.focal_px", "settings.young.lobe"),
     ("young glossy 1", "+ settings.young.least_lobe", ""),
     ("young glossy 9", "glossy_level(vec2i(id.xy), 9,", "glossy_level(vec2i(id.xy), 3,"),

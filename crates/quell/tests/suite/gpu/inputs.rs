@@ -201,14 +201,40 @@ impl Inputs {
         self.job(pass, settings, inputs, output)
     }
 
-    /// A level of the filter of young history, on the accumulated matte signal, or on the glossy one as it came.
-    pub fn young(&self, signal: Signal, level: u32, settings: &Settings) -> Job {
+    /// What a level of the filter of young history reads beside guides: the accumulated matte signal, or the glossy one as it came, a
+    /// plane tied to it, and the fourth value: confidence, or from level 1 on, with a luminance stop, the noise's deviation.
+    fn young_inputs(&self, signal: Signal, level: u32, settings: &Settings) -> (Vec<Plane<Rgb>>, Temporal, Plane<f32>) {
         let temporal = self.accumulated(settings);
-        let input = match signal {
-            Signal::Matte => temporal.planes,
-            Signal::Glossy => vec![self.signal(signal, BEFORE)],
+        let own = match signal {
+            Signal::Matte => temporal.planes[0].clone(),
+            Signal::Glossy => self.signal(signal, BEFORE),
         };
-        let output = young_filter::reference::run(&input, &temporal.length, self.now(), settings, signal, level);
+        let input = vec![own, self.tied(signal, BEFORE)];
+        let read = young_filter::reference::Input { planes: &input, length: &temporal.length, noise: None };
+        let noise = young_filter::reference::run(read, self.now(), settings, signal, 0).noise;
+        let fourth = match noise.filter(|_| level > 0) {
+            Some(noise) => Plane::from_fn(self.size(), |x, y| noise.at(x, y).sqrt()),
+            None => temporal.confidence.clone(),
+        };
+        (input, temporal, fourth)
+    }
+
+    fn young_filtered(
+        &self,
+        (planes, temporal, fourth): &(Vec<Plane<Rgb>>, Temporal, Plane<f32>),
+        settings: &Settings,
+        (signal, level): (Signal, u32),
+    ) -> young_filter::reference::Filtered {
+        let noise = Plane::from_fn(self.size(), |x, y| fourth.at(x, y) * fourth.at(x, y));
+        let read = young_filter::reference::Input { planes, length: &temporal.length, noise: Some(&noise) };
+        young_filter::reference::run(read, self.now(), settings, signal, level)
+    }
+
+    /// A level of the filter of young history.
+    pub fn young(&self, signal: Signal, level: u32, settings: &Settings) -> Job {
+        let inputs = self.young_inputs(signal, level, settings);
+        let filtered = self.young_filtered(&inputs, settings, (signal, level));
+        let (planes, temporal, fourth) = inputs;
         let pass = match (signal, level) {
             (Signal::Matte, 0) => Pass::MATTE_YOUNG_1,
             (Signal::Matte, 1) => Pass::MATTE_YOUNG_3,
@@ -218,11 +244,35 @@ impl Inputs {
             (Signal::Glossy, _) => Pass::GLOSSY_YOUNG_9,
         };
         let [geometry, surface, _] = self.guide_planes();
-        let confidence = colour_and_bytes(&input[0], &temporal.confidence);
-        let mut job =
-            self.job(pass, settings, vec![geometry, surface, confidence, number_bytes(&temporal.length)], output);
-        job.expected.scalars = vec![("confidence", temporal.confidence)];
+        let accumulated = colour_and_bytes(&temporal.planes[0], &temporal.confidence);
+        let signal_bytes = colour_and_bytes(&planes[0], &fourth);
+        let read = vec![geometry, surface, signal_bytes, number_bytes(&temporal.length), accumulated];
+        let mut job = self.job(pass, settings, read, filtered.planes[..1].to_vec());
+        // The last level before stage 5 hands the confidence on.
+        let keeps = signal == Signal::Matte && level == 2 && settings.disocclusion.enabled;
+        job.expected.scalars = vec![match filtered.noise.filter(|_| !keeps) {
+            Some(noise) => ("deviation", Plane::from_fn(self.size(), |x, y| noise.at(x, y).sqrt())),
+            None => ("confidence", temporal.confidence),
+        }];
         job
+    }
+
+    /// Level 1 or 2 for a plane tied to a signal.
+    pub fn young_joint(&self, signal: Signal, level: u32, settings: &Settings) -> Job {
+        let inputs = self.young_inputs(signal, level, settings);
+        let filtered = self.young_filtered(&inputs, settings, (signal, level));
+        let (planes, temporal, fourth) = inputs;
+        let pass = match (signal, level) {
+            (Signal::Matte, 1) => Pass::MATTE_YOUNG_3_JOINT,
+            (Signal::Matte, _) => Pass::MATTE_YOUNG_9_JOINT,
+            (Signal::Glossy, 1) => Pass::GLOSSY_YOUNG_3_JOINT,
+            (Signal::Glossy, _) => Pass::GLOSSY_YOUNG_9_JOINT,
+        };
+        let [geometry, surface, _] = self.guide_planes();
+        let signal_bytes = colour_and_bytes(&planes[0], &fourth);
+        let own = colour_bytes(&planes[1]);
+        let read = vec![geometry, surface, signal_bytes, number_bytes(&temporal.length), own];
+        self.job(pass, settings, read, filtered.planes[1..].to_vec())
     }
 
     /// Stage 5, on the outputs of stages 3 and 4.
