@@ -48,19 +48,7 @@ pub(crate) fn load_within<S: Simd>(simd: S, data: &[f32], start: usize) -> f32x1
 
 #[cold]
 fn at_edge(row: &[f32], at: isize) -> [f32; BLOCK] {
-    let mut found = [0.0; BLOCK];
-    copy_to(&mut found, row, at);
-    found
-}
-
-/// Copies what of a row lies in the columns from `at` on.
-#[inline(always)]
-fn copy_to<T: Copy>(found: &mut [T; BLOCK], row: &[T], at: isize) {
-    let within = |x: isize| x.clamp(0, row.len() as isize) as usize;
-    let (from, to) = (within(at), within(at + BLOCK as isize));
-    // Where nothing lies within, both are an end of the row.
-    let skipped = if from < to { (from as isize - at) as usize } else { 0 };
-    found[skipped..][..to - from].copy_from_slice(&row[from..to]);
+    std::array::from_fn(|i| usize::try_from(at + i as isize).ok().and_then(|x| row.get(x)).copied().unwrap_or(0.0))
 }
 
 /// The same of half floats.
@@ -79,9 +67,10 @@ fn split(run: &[f16; BLOCK]) -> [[f16; BLOCK / 2]; 2] {
 
 #[cold]
 fn halves_at_edge(row: &[f16], at: isize) -> [f32; BLOCK] {
-    let mut found = [f16::ZERO; BLOCK];
-    copy_to(&mut found, row, at);
-    found.map(widen)
+    std::array::from_fn(|i| {
+        let half = usize::try_from(at + i as isize).ok().and_then(|x| row.get(x));
+        half.map_or(0.0, |half| widen(*half))
+    })
 }
 
 /// Writes sixteen values from column `x` on, as far as the row goes.
