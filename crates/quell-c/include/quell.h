@@ -108,7 +108,7 @@ typedef struct quell_sequence_options {
     void *warn_user;
 } quell_sequence_options;
 
-/* A sequence whose frames are pushed in order; clean ones come out as soon as ten frames have followed (fewer with other
+/* A sequence whose frames are pushed in order; clean ones come out as soon as 11 frames have followed (fewer with other
  * parameters). */
 typedef struct quell_sequence quell_sequence;
 

@@ -63,7 +63,7 @@ def _check(name: str, array: np.ndarray, channels: tuple[int, ...]) -> np.ndarra
 class Sequence:
     """A sequence whose frames are pushed in order; clean ones come out as soon as their window is full.
 
-    A frame is filtered with `lookahead` frames before and after it (10 by default): the first comes out when as many have
+    A frame is filtered with `lookahead` frames before and after it (11 by default): the first comes out when as many have
     followed, the last ones with `flush()`. Frames may come out a call later than that, since two frames decide what motion
     vectors and light passes mean. Holds about `lookahead` frames in half precision; nothing of the arrays that were pushed.
 
