@@ -16,14 +16,16 @@ use std::str::FromStr;
     before_help = "Example: quell compare glossy-room -o comparison --methods none,quell:paper",
     after_help = "\
 METHODS
-  none, quell:paper, quell:sequence, and the baselines; an unknown name is answered with the nearest.
+  none, quell:paper, quell:sequence, and the baselines; an unknown name is answered with the nearest
   quell:paper+no-virtual           one of the talk's ablations
   quell:paper+firefly.enabled=off  any parameter
   quell:sequence                   the filter of `quell denoise`, which sees frames before and after
-  mine=DIR                         finished frames of your own: EXR files with R, G, B, the frame number last (any.0012.exr)
-  mine='CMD {noisy} {out}'         a command, given alone in its own --methods: run once, timed; {noisy} becomes a folder
-                                   with the same frames that all methods get (noisy.0012.exr, every plane), {out} an
-                                   empty folder for its results
+  mine=DIR                         finished frames of your own: EXR files with R, G, B, the frame
+                                   number last (any.0012.exr)
+  mine='CMD {noisy} {out}'         a command, given alone in its own --methods: run once, timed;
+                                   {noisy} becomes a folder with the same frames that all methods
+                                   get (noisy.0012.exr, every plane), {out} an empty folder for its
+                                   results
 
 Interrupted, the same command goes on where it stopped."
 )]

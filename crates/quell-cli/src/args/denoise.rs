@@ -11,17 +11,18 @@ use std::str::FromStr;
     before_help = "Example: quell denoise shot.####.exr -o clean/",
     after_help = "\
 INPUT
-  Files, folders, shot.####.exr, shot.%04d.exr or globs; one file a frame, or one a pass (shot.albedo.0001.exr).
-  The frames around those that are written are read as needed, so a job may be split in any way: the bits are the same.
+  Files, folders, shot.####.exr, shot.%04d.exr or globs; one file a frame, or one a pass
+  (shot.albedo.0001.exr). Frames before and after those that are written are read as needed, so a
+  job may be split in any way, to the same bits.
 
 OUTPUT
-  A folder, in which files keep their names, or a pattern: clean/shot_clean.####.exr. Inputs are never replaced, files of
-  other programs only with --overwrite. Same parts, channels, types and attributes as the input; what is no light passes
-  through as it is.
+  A folder, in which files keep their names, or a pattern: clean/shot_clean.####.exr. Inputs are
+  never replaced, files of other programs only with --overwrite. Same parts, channels, types and
+  attributes as the input; passes that hold no light are copied.
 
 EXIT STATUS
-  0 all frames written, 1 failed, 2 usage, 3 some frames failed and the others are written, 130 interrupted (what is
-  written is whole; the same command with --resume goes on)."
+  0 all frames written, 1 failed, 2 usage, 3 some frames failed and the others are written,
+  130 interrupted (files that were written are whole; the same command with --resume goes on)."
 )]
 pub struct DenoiseArgs {
     /// EXR files, folders, patterns with #### or %04d, or globs
@@ -62,23 +63,23 @@ pub struct DenoiseArgs {
     /// both (frames before and after are used) or past
     #[arg(long, value_name = "both|past", default_value = "both")]
     pub history: History,
-    /// How much noise is removed: 1 as much as pays, less leaves grain (0 is the input), more smooths further
+    /// How much noise is removed: 1 all that the filter finds, less leaves grain (0 is the input), more smooths further
     #[arg(long, value_name = "0..4")]
     pub strength: Option<f32>,
-    /// Also write the error that the picture is expected to have left, as a pass quell.noise (one channel Y)
+    /// Also write the expected error that remains, as a pass quell.noise (one channel Y)
     #[arg(long)]
     pub noise_pass: bool,
-    /// Leave frames alone whose file exists
+    /// Skip frames whose file exists
     #[arg(long, conflicts_with_all = ["resume", "overwrite"])]
     pub skip_existing: bool,
-    /// Leave frames alone that quell wrote with the same settings
+    /// Skip frames that quell wrote with the same settings
     #[arg(long, conflicts_with = "overwrite")]
     pub resume: bool,
     /// Also replace files that quell did not write
     #[arg(long)]
     pub overwrite: bool,
     /// Most memory to use, such as 8G or 500M: where the job would take more, the picture is filtered in bands of rows, to
-    /// the same bits, with files that wait beside the output [default: what the system has free]
+    /// the same bits, with temporary files beside the output [default: what the system has free]
     #[arg(long, value_name = "SIZE")]
     pub max_memory: Option<Bytes>,
     /// Say what would be done: frames, what each channel is taken for, memory; write nothing

@@ -10,15 +10,16 @@ use std::path::PathBuf;
     before_help = "Example: quell doctor shot.####.exr --html doctor.html",
     after_help = "\
 WHAT IT LOOKS AT
-  Names and headers of all frames; the pixels of a few neighbouring frames, spread over the sequence. Motion vectors (sign,
-  axes, unit, direction, length, zero), jitter in guides, normals, depth, albedo, lossy compression, seeds, splatted filters,
-  denoised input, NaN, fireflies, frames that are missing, twice there or of another size, passes with other names.
+  Names and headers of all frames; the pixels of a few neighbouring frames, spread over the
+  sequence. Motion vectors (sign, axes, unit, direction, length, zero), jitter in feature buffers,
+  normals, depth, albedo, lossy compression, seeds, splatted pixel filters, denoised input, NaN,
+  fireflies, frames that are missing, duplicated or of another size, passes with other names.
   docs/doctor.md lists every check with its threshold.
 
 SEVERITY
   fault    spoils the result: fix it, or name the option
   warning  the result is less good than it could be
-  note     good to know; quell copes
+  note     good to know; quell handles it
 
 EXIT STATUS
   0 no fault, 1 failed, 2 usage, 4 a fault was found, 130 interrupted."

@@ -72,10 +72,10 @@ pub struct Common {
     /// Implementation of the stages: auto (a GPU where there is one), cpu, gpu, reference [default: auto; compare, denoise and reproduce: cpu]
     #[arg(long, global = true, value_name = "NAME")]
     pub backend: Option<BackendChoice>,
-    /// GPU to use, by part of its name; `quell --version -v` lists them. One in software (llvmpipe) only so
+    /// GPU to use, by part of its name; `quell --version -v` lists them. A software device (llvmpipe) is used only if it is named
     #[arg(long, global = true, value_name = "NAME")]
     pub device: Option<String>,
-    /// What traces scenes for render, demo, compare, reproduce and bench, cpu or gpu [default: gpu with --backend gpu, unless that is one in software]
+    /// What traces scenes for render, demo, compare, reproduce and bench, cpu or gpu [default: gpu with --backend gpu on a real GPU, else cpu]
     #[arg(long, global = true, value_name = "NAME", value_parser = values::tracer)]
     pub tracer: Option<values::TracerChoice>,
     /// Named values of all parameters: paper, quality, or sequence for denoise [default: these]
@@ -217,7 +217,7 @@ pub struct SamplingArgs {
 #[command(before_help = "Example: quell scenes")]
 pub struct ScenesArgs {}
 
-/// Score frames that anything made against references: picture metrics, and the scorecard of artefacts
+/// Score frames of any origin against references: picture metrics, and the scorecard of artefacts
 #[derive(Debug, Args)]
 #[command(before_help = "Example: quell score frames/denoised --reference frames/reference --guides frames/noisy")]
 pub struct ScoreArgs {
@@ -246,7 +246,7 @@ pub struct ScoreArgs {
 #[command(before_help = "Example: quell bench --backend gpu --size 1280x720,1920x1080,3840x2160,5120x2880 --json")]
 pub struct BenchArgs {
     /// Trace this glTF file or built-in scene; where a GPU traces (--tracer), the whole frame against a budget of 16.6 ms [default:
-    /// frames that are made up]
+    /// synthetic frames]
     #[arg(long, value_name = "SCENE")]
     pub scene: Option<String>,
     #[command(flatten)]
@@ -275,7 +275,7 @@ pub enum Rival {
     Oidn,
 }
 
-/// Make the talk's tables and figures anew: stage times, the offline table, the ablations, more paths
+/// Reproduce the talk's tables and figures: stage times, the offline table, the ablations, more paths
 #[derive(Debug, Args)]
 #[command(before_help = "Example: quell reproduce -o quell-paper")]
 pub struct ReproduceArgs {

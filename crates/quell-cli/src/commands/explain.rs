@@ -30,8 +30,12 @@ fn explain_pipeline(context: &Context) -> Result<(), Failure> {
     let mut text = heading(context.preset.name(), changed, "a frame that has both signals and jittered samples");
     text.push_str(&format!("{}\n", plan.listing(&context.settings, REFERENCE_ROWS as usize)));
     let preset = Settings::preset(context.preset);
-    let table =
-        Table { parameters: PARAMETERS, value: &|name| context.settings.get(name), preset: &|name| preset.get(name) };
+    let table = Table {
+        parameters: PARAMETERS,
+        radii: "radii are given at 720 rows",
+        value: &|name| context.settings.get(name),
+        preset: &|name| preset.get(name),
+    };
     table.add_to(&mut text, context.verbose)?;
     let names = |images: &[Image]| images.iter().map(|i| i.name()).collect::<Vec<_>>();
     let stages = Stage::ALL.into_iter().map(|stage| {
@@ -55,8 +59,12 @@ pub fn sequence(context: &Context, settings: &SequenceSettings) -> Result<(), Fa
     let preset = SequenceSettings::default();
     let mut text = heading(SEQUENCE_PRESET, *settings != preset, "each frame of a window");
     text.push_str(&format!("{plan}\n"));
-    let table =
-        Table { parameters: SEQUENCE_PARAMETERS, value: &|name| settings.get(name), preset: &|name| preset.get(name) };
+    let table = Table {
+        parameters: SEQUENCE_PARAMETERS,
+        radii: "radii are in pixels of any picture",
+        value: &|name| settings.get(name),
+        preset: &|name| preset.get(name),
+    };
     table.add_to(&mut text, context.verbose)?;
     let stages = SequenceStage::ALL.into_iter().map(|stage| {
         let runs = plan.runs(stage);
@@ -85,15 +93,18 @@ type Get<'t> = &'t dyn Fn(&str) -> Result<String, quell::Error>;
 /// The parameters of a filter, with the values in force and those of the preset.
 struct Table<'t, S: 'static> {
     parameters: &'t [Parameter<S>],
+    /// How the filter takes radii.
+    radii: &'static str,
     value: Get<'t>,
     preset: Get<'t>,
 }
 
 impl<S> Table<'_, S> {
     fn add_to(&self, text: &mut String, verbose: bool) -> Result<(), Failure> {
-        text.push_str(
-            "\nParameters (set with --set NAME=VALUE; * differs from the preset; radii are meant at 720 rows)\n",
-        );
+        text.push_str(&format!(
+            "\nParameters (set with --set NAME=VALUE; * differs from the preset; {})\n",
+            self.radii
+        ));
         let mut group = "";
         for parameter in self.parameters {
             if parameter.group != group {

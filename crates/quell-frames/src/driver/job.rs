@@ -305,7 +305,7 @@ impl Job {
         let (writes, reads) = (numbers(true), numbers(false));
         let or_none = |numbers: &[i64]| if numbers.is_empty() { "none".to_owned() } else { ranges(numbers) };
         let text = format!(
-            "would write   {} frames: {}\nwould read    {} more for their sake: {}\nthere already {}\nto            {}\nwindow        \
+            "would write   {} frames: {}\nwould read    {} more around them: {}\nthere already {}\nto            {}\nwindow        \
              {} frames before and after\nmemory        {}\ntime          unknown: nothing was measured before the first frame \
              is written\n",
             writes.len(),

@@ -36,7 +36,7 @@ impl Memory {
         };
         let limit = match self.limit {
             Some((limit, true)) => format!("; the limit is {}", in_words(limit)),
-            Some((limit, false)) => format!("; the system has {} to spare", in_words(limit)),
+            Some((limit, false)) => format!("; the system has {} free", in_words(limit)),
             None => String::new(),
         };
         format!("at most {}, {how}{limit}", in_words(self.bytes))
