@@ -11,12 +11,12 @@ parameters! {
     mirrors: Mirrors {
         specular_share: f32 = 0.1, 0.0..=1.0, "of the specular colour", "A surface whose diffuse colour is less than this share of its glossy or transmitted colour is a mirror or clear glass.",
             higher "Glossy paint counts as a mirror.", lower "Mirrors with a tint or dust do not.", source "ours; what else a pixel of a mirror's edge holds counts little";
-        unknown_colour: f32 = 0.2, 0.0..=1.0, "", "Colour that is assumed where glossy light has none of its own.",
+        unknown_colour: f32 = 0.2, 0.0..=1.0, "", "Colour that is assumed where the file has none for glossy light.",
             higher "More surfaces without a glossy colour count as mirrors.", lower "Fewer.", source "ours";
         least_colour: f32 = 0.02, 1e-4..=1.0, "", "Least colour that light is divided by.",
             higher "Dark textures seen in mirrors blur.", lower "Their light is divided by next to nothing: fireflies.", source "ours";
-        brightest_colour: f32 = 64.0, 1.0..=1e30, "", "Most colour that light is divided by; what shows more is the sun or its glitter, and takes the colour beside it.",
-            higher "The sun seen in a mirror comes back in what it is mixed with.", lower "Lamps seen in mirrors blur.", source "ours: lamps are 21 in `hall`, 30 in `night`, glitter 1000 in `harbour`";
+        brightest_colour: f32 = 64.0, 1.0..=1e30, "", "Greatest colour that light is divided by; more is the sun or its glitter, which takes the colour of the pixels beside it.",
+            higher "The sun seen in a mirror leaks into the pixels that it is mixed with.", lower "Lamps seen in mirrors blur.", source "ours: lamps are 21 in `hall`, 30 in `night`, glitter 1000 in `harbour`";
         edge_colour: f32 = 0.2, 0.0..=1.0, "", "Colour of reflections from which a pixel at a mirror's edge counts as part of it.",
             higher "A dotted line around mirrors.", lower "Glossy surfaces beside mirrors are divided by their picture.", source "ours";
     }
@@ -27,8 +27,8 @@ parameters! {
         search: u32 = 3, 0..=8, "pixels", "Offsets tried at the coarsest level, each way.",
             higher "Faster motion is found, and more false matches.", lower "Slow motion only.", source "ours";
         patch: u32 = 3, 1..=8, "pixels", "Half the side of the compared patches.",
-            higher "Surer matches, edges of motion blur.", lower "Noisier matches.", source "ours";
-        most_difference: f32 = 0.25, 1e-4..=64.0, "squared, colour and normal", "The most that one pixel of a patch may differ by: edges of what is seen cover and uncover.",
+            higher "More reliable matches; edges of motion blur.", lower "Noisier matches.", source "ours";
+        most_difference: f32 = 0.25, 1e-4..=64.0, "squared, colour and normal", "Most that one pixel of a patch may contribute: edges in a reflection occlude and disocclude.",
             higher "One edge decides a patch.", lower "What differs counts little: false matches.", source "ours";
         departure: f32 = 2e-5, 0.0..=1.0, "per squared pixel", "What a pixel of departure from the surface's motion costs.",
             higher "The surface's motion stays.", lower "Textureless reflections move at random.", source "ours";
@@ -36,7 +36,7 @@ parameters! {
             higher "Reflections leave the surface's motion sooner.", lower "Later.", source "ours";
         stay: f32 = 0.95, 0.0..=1.0, "of its cost", "Another offset than the one found at the level above must be better by this factor.",
             higher "Offsets change from pixel to pixel.", lower "Fine levels correct less.", source "ours";
-        least_patch: u32 = 30, 1..=1024, "pixels", "Pixels of mirror that a patch must hold: what is thin says nothing.",
+        least_patch: u32 = 30, 1..=1024, "pixels", "Least number of mirror pixels in a patch: thin mirrors give no reliable match.",
             higher "Thin mirrors keep the surface's motion.", lower "They are matched at random.", source "ours";
         least_share: f32 = 0.5, 0.01..=1.0, "of a coarse pixel", "Share of mirror from which a coarse pixel takes part.",
             higher "Edges of mirrors are left out.", lower "They mix with what is beside.", source "ours";
@@ -63,11 +63,11 @@ parameters! {
             higher "Samples cross small steps.", lower "Curved surfaces lose samples.", source "ours";
         travel: f32 = 0.25, 0.0..=1.0, "of the picture's height", "How far up or down a trajectory may lead from its pixel.",
             higher "Fast vertical motion keeps more frames; bands of a picture need wider margins.", lower "It loses samples.", source "ours: docs/sequence.md";
-        round_trip: f32 = 0.15, 0.0..=16.0, "pixels", "How far there and back again may miss for a surface that moves.",
+        round_trip: f32 = 0.15, 0.0..=16.0, "pixels", "Forward-backward error of motion that is allowed for a moving surface.",
             higher "Ghosts behind moving things.", lower "Rotating things lose samples.", source "ours";
         round_trip_share: f32 = 0.05, 0.0..=1.0, "of the motion's length", "How far it may miss beyond that.",
             higher "Ghosts behind fast things.", lower "Fast things lose samples.", source "ours";
-        standing_normal: f32 = 0.6, -1.0..=1.0, "cosine", "Least cosine between normals of a surface that stands, in two frames.",
+        standing_normal: f32 = 0.6, -1.0..=1.0, "cosine", "Least cosine between normals of a surface at rest, in two frames.",
             higher "Noisy normals lose samples.", lower "Samples cross creases.", source "ours";
         plane_normal: f32 = 0.9, -1.0..=1.0, "cosine", "Least cosine beyond `standing_reach`: other parts of the same plane.",
             higher "Samples are lost.", lower "Samples come from other things in the same plane.", source "ours";
@@ -83,7 +83,7 @@ parameters! {
             higher "Cheaper, a little blocky.", lower "Dearer.", source "ours";
         light_deviations: f32 = 1.0, 0.0..=64.0, "standard deviations", "How far a light's mean around the pixel may differ in another frame, in deviations of both means, where noise is weak.",
             higher "Less noise; moving shadows and highlights smear.", lower "Noisier where light changes.", source "ours: docs/sequence.md";
-        light_deviations_high: f32 = 2.0, 0.0..=64.0, "standard deviations", "The same where noise is strong: few samples a pixel have rare bright ones.",
+        light_deviations_high: f32 = 2.0, 0.0..=64.0, "standard deviations", "The same where noise is strong: at few samples a pixel there are rare bright outliers.",
             higher "Less noise; moving shadows and highlights smear.", lower "Noisier.", source "ours";
         light_noise: f32 = 0.03, 0.0..=16.0, "of the light", "Deviation of the means at which it lies half between (in squares).",
             higher "`gather.light_deviations` counts sooner.", lower "Later.", source "ours";
@@ -92,13 +92,13 @@ parameters! {
         mean_pixels: f32 = 8.0, 0.0..=1e6, "noise of a pixel", "Squared difference at which a pixel counts half in these means over 5x5 pixels.",
             higher "Stripes and edges of shadows mix; steadier means.", lower "They stay apart; means of few pixels.", source "ours: docs/sequence.md";
         mean_windows: f32 = 64.0, 0.0..=1e6, "noise of both", "Squared difference from which the mean of another 5x5 pixels, of those within 25x25, does not count (Tukey's biweight); the noise is that of all of them.",
-            higher "Steadier means, edges of shadows mix.", lower "Windows choose those that are as bright by chance: a mottled picture.", source "ours: docs/sequence.md";
+            higher "Steadier means, edges of shadows mix.", lower "Windows select others that are as bright by chance: a mottled picture.", source "ours: docs/sequence.md";
         mean_strong: f32 = 0.1, 1e-3..=16.0, "of the light", "Noise of one pixel from which pixels that differ more count, too.",
-            higher "Pixels choose those that are as bright by chance.", lower "Stripes mix.", source "ours";
+            higher "Pixels select others that are as bright by chance.", lower "Stripes mix.", source "ours";
         mean_least: f32 = 1.5, 1.0..=16.0, "times", "By how much the noise of a pixel, the least of second differences along four directions, is taken larger.",
-            higher "Structure is taken for noise.", lower "Means are taken for surer than they are.", source "ours";
+            higher "Structure is taken for noise.", lower "The variance of the means is underestimated.", source "ours";
         mean_few: f32 = 0.25, 0.0..=16.0, "times", "By how much more where noise is strong, by its ratio to `gather.mean_strong` in squares.",
-            higher "Structure is taken for noise.", lower "Means of few samples are taken for surer than they are.", source "ours";
+            higher "Structure is taken for noise.", lower "The variance of means of few samples is underestimated.", source "ours";
         same_noise: f32 = 0.75, 0.0..=16.0, "pixels", "Where one seed was used for all frames, the noise of a pixel is repeated within this distance.",
             higher "Slow motion loses samples.", lower "The same noise counts twice.", source "ours";
     }
@@ -108,7 +108,7 @@ parameters! {
             higher "Steadier estimate.", lower "Sharper estimate.", source "ours; SVGF takes 7x7";
         confident_samples: f32 = 8.0, 1.0..=1000.0, "samples", "Samples at which the confidence that comes out is full.",
             higher "Less confidence.", lower "More.", source "ours";
-        trusted_samples: f32 = 12.0, 1.0..=1000.0, "samples", "Pooled samples at which the variance over time is believed alone.",
+        trusted_samples: f32 = 12.0, 1.0..=1000.0, "samples", "Pooled samples from which the variance over time is used alone.",
             higher "The spread over the window counts longer: more blur.", lower "Noisy estimates.", source "ours";
     }
     /// Edge-avoiding a-trous wavelet (Dammertz et al. 2010) with a luminance stop (SVGF, Schied et al. 2017).
@@ -156,10 +156,10 @@ parameters! {
     }
     /// What the filtered light misses of the frame's own samples, smoothed.
     residual: Residual {
-        correct: bool = true, (), "", "Light that changes slowly over the picture is corrected by the frame's own samples.",
+        correct: bool = true, (), "", "Low-frequency bias of the light is corrected by the residual of the frame's own samples.",
             higher "A lamp that is switched neither comes early nor leaves late.", lower "Frames around leave their light.", source "ours: docs/sequence.md; shrinkage: James and Stein 1961";
-        noise: f32 = 0.1, 0.0..=16.0, "of the light", "Deviation of the frame's samples from the filtered light at which half is corrected: with less noise every stage sees itself that light changed.",
-            higher "Only strong noise is corrected.", lower "Shapes that the filter missed are corrected, and leak to what is beside them.", source "ours: docs/sequence.md";
+        noise: f32 = 0.1, 0.0..=16.0, "of the light", "Deviation of the frame's samples from the filtered light at which half is corrected: with less noise the other stages detect changes of light themselves.",
+            higher "Only strong noise is corrected.", lower "Shapes that the filter missed are corrected, and leak into their surroundings.", source "ours: docs/sequence.md";
         most: f32 = 2.0, 1.0..=100.0, "times", "A level changes light by at most this factor, up or down.",
             higher "Light that is far too bright or too dark is corrected at once.", lower "1: nothing is corrected.", source "ours";
         sure: f32 = 6.0, 0.0..=1000.0, "times its variance", "The squared residual below which nothing is corrected.",
@@ -167,27 +167,27 @@ parameters! {
     }
     /// Each picture averaged with its neighbours in time, and with the pixels around that show the same.
     stabilise: Stabilise {
-        net: bool = true, (), "", "A small net trained on rendered sequences says by what pixels of this frame and of its neighbours must agree to be averaged.",
-            higher "Less error at silhouettes, wires and leaves.", lower "The form made by hand: neighbours in time alone, limited to the picture's own range in 3x3.", source "Kalantari et al. 2015; ours: docs/sequence.md";
+        net: bool = true, (), "", "A small net trained on rendered sequences sets the bandwidths of the cross-bilateral filter.",
+            higher "Less error at silhouettes, wires and leaves.", lower "The version without a net: neighbours in time alone, clamped to the picture's own range in 3x3.", source "Kalantari et al. 2015; ours: docs/sequence.md";
         frames: u32 = 3, 0..=8, "frames", "Neighbours on each side.",
             higher "Steadier and smoother edges, a little softer.", lower "More flicker.", source "ours";
         decay: f32 = 0.8, 0.0..=1.0, "per frame", "Weight of a neighbour one frame further away.",
             higher "Steadier.", lower "Sharper.", source "ours";
         seen_albedo: f32 = 0.5, 0.01..=16.0, "of the tone-mapped range", "How far what a mirror shows around a pixel may differ in a neighbour in time.",
             higher "Moving reflections smear.", lower "They stay noisy.", source "ours";
-        surface_seen_albedo: f32 = 0.0625, 0.001..=16.0, "of the tone-mapped range", "The same where the surface's motion stands in for the reflection's.",
+        surface_seen_albedo: f32 = 0.0625, 0.001..=16.0, "of the tone-mapped range", "The same where the surface's motion is used in place of the reflection's.",
             higher "Moving reflections smear.", lower "They stay noisy.", source "ours";
         departure: f32 = 1.0, 0.0..=64.0, "pixels", "How far the reflection's motion may differ from the surface's for that.",
             higher "Moving reflections smear.", lower "They stay noisy.", source "ours";
         likeness: f32 = 0.5, 0.0..=64.0, "of the variance", "How far smoothed pictures may differ, squared, in variances of both pictures.",
             higher "Patterns and reflections smear.", lower "More flicker.", source "ours: docs/sequence.md";
-        residue: f32 = 1.0, 0.0..=1.0, "of the noise's variance", "Noise of the frame as it came that the filtered picture is believed to keep where noise is strong.",
+        residue: f32 = 1.0, 0.0..=1.0, "of the noise's variance", "Share of the input's noise that is assumed to remain in the filtered picture where noise is strong.",
             higher "Patterns and reflections smear.", lower "More flicker.", source "ours";
         low_noise: f32 = 0.0, 0.0..=16.0, "of the picture", "Deviation of the noise of the frame as it came at which a quarter of `stabilise.residue` counts.",
             higher "Less is averaged with many samples a pixel.", lower "More: patterns and reflections smear.", source "ours";
-        nearer: f32 = 1.02, 1.0..=4.0, "times 1/depth", "How much nearer a neighbour in 3x3 must be to stand in front: more than the slope of one surface makes.",
+        nearer: f32 = 1.02, 1.0..=4.0, "times 1/depth", "How much nearer a neighbour in 3x3 must be to count as the foreground: more than the slope of one surface gives.",
             higher "Silhouettes move with what is behind.", lower "Slanted surfaces move with their nearest pixel.", source "ours";
-        depth_change: f32 = 0.1, 0.0..=1.0, "of depth", "Most change of depth a frame of what is in front.",
+        depth_change: f32 = 0.1, 0.0..=1.0, "of depth", "Most change of depth a frame of the nearest surface.",
             higher "Ghosts.", lower "What comes nearer flickers.", source "ours";
         round_trip: f32 = 0.5, 0.0..=16.0, "pixels", "How far motion there and back again may miss.",
             higher "Ghosts at silhouettes.", lower "Silhouettes flicker.", source "ours";
@@ -196,10 +196,10 @@ parameters! {
     }
     /// Input, wavelet's picture and stabilised one blended by how far each is expected to lie from the light.
     blend: Blend {
-        choose: bool = true, (), "", "The input has a say in what comes out.",
-            higher "More samples always help.", lower "The stabilised picture comes out, whatever it lost.", source "SURE (Li et al. 2012), Rousselle et al. 2013; ours: docs/sequence.md";
+        choose: bool = true, (), "", "The result is a mixture of input, wavelet picture and stabilised picture.",
+            higher "More samples always help.", lower "The stabilised picture is the result, whatever detail it lost.", source "SURE (Li et al. 2012), Rousselle et al. 2013; ours: docs/sequence.md";
         net: bool = true, (), "", "A small net trained on rendered sequences gives the shares.",
-            higher "Less error.", lower "Thresholds made by hand give them: `blend.excess`, `blend.softness`.", source "ours: benchmarks/nets";
+            higher "Less error.", lower "Thresholds give them: `blend.excess`, `blend.softness`.", source "ours: benchmarks/nets";
         excess: f32 = 0.1, 0.0..=64.0, "of the noise", "Without the net: the next more filtered picture is taken whole where its squared distance from the input exceeds the noise by less.",
             higher "Smoother, detail is lost.", lower "Noisier.", source "ours";
         softness: f32 = 0.4, 0.01..=64.0, "of the noise", "Without the net: excess over which its share falls to nothing.",
@@ -214,7 +214,7 @@ parameters! {
             higher "`blend.guard_low` counts sooner.", lower "Later; 0: never.", source "ours";
         guard_input: f32 = 0.25, 0.0..=1.0, "of the squared noise", "Least share of the input's own changes, along the direction in which they are least, that counts as noise: what no filter but `stabilise` removes (wires, silhouettes and what they emit) does not show in what was removed.",
             higher "The net is trusted further at wires and in fine structure.", lower "Wires and silhouettes keep their noise.", source "ours";
-        visible: f32 = 0.01, 0.0..=1.0, "of the brightness", "Deviation of the noise at which half of it is left: weaker noise is not seen, and removing it not worth a bias.",
-            higher "Faint noise stays.", lower "0: what the filter makes wrong stays however many samples there are.", source "ours: docs/sequence.md";
+        visible: f32 = 0.01, 0.0..=1.0, "of the brightness", "Deviation of the noise at which half of it is left: weaker noise is invisible, and removing it is not worth a bias.",
+            higher "Faint noise stays.", lower "0: bias of the filter stays at any number of samples.", source "ours: docs/sequence.md";
     }
 }
