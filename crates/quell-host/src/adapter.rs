@@ -93,7 +93,7 @@ fn choose(seen: &[Adapter], wanted: Wanted<'_>) -> Result<usize, Error> {
             ranked.min().map(|(_, i)| i).ok_or_else(|| Error::NoGpu {
                 found: match seen.first() {
                     None => list(seen),
-                    Some(first) => format!("{}; name it to have it all the same: --device {}", list(seen), word(first)),
+                    Some(first) => format!("{}; select it by name: --device {}", list(seen), word(first)),
                 },
             })
         }

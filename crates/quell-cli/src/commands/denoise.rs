@@ -18,7 +18,7 @@ use std::sync::Mutex;
 use std::time::Instant;
 
 /// Said once where there are warnings.
-const DOCTOR: &str = "`quell doctor` with the same frames says more, and how to fix it";
+const DOCTOR: &str = "`quell doctor` on the same frames explains more, and how to fix it";
 
 pub fn run(context: &Context, settings: SequenceSettings, args: DenoiseArgs) -> Result<(), Failure> {
     let dry_run = args.dry_run;
@@ -218,7 +218,7 @@ fn costs(times: &Times) -> Vec<String> {
     let mut lines =
         vec![line("reading", &times.reading), line("filtering", &times.filtering), line("writing", &times.writing)];
     let bound = times.bound(cores).map_or_else(String::new, |bound| {
-        format!(", {:.2} times what {cores} cores need at least ({bound:.2} s)", times.wall / bound.max(1e-9))
+        format!(", {:.2} times the least for {cores} cores ({bound:.2} s)", times.wall / bound.max(1e-9))
     });
     lines.push(format!("together  {:.2} s by the clock{bound}", times.wall));
     lines
