@@ -6,7 +6,7 @@
 //! context.rs    what the program runs on: settings, threads, back end, where messages go
 //! backend.rs    which back end runs, and why that one
 //! failure.rs    how a run ends badly, and with which exit status
-//! allocator.rs  memory that was freed goes back to the system, where a limit was set
+//! allocator.rs  memory that was freed is kept for the next plane, or goes back to the system where a limit was set
 //! interrupt.rs  Ctrl-C and SIGTERM
 //! progress.rs   bars on a terminal, plain lines without one
 //! output.rs     folders that can be written, addresses of pages, standard output

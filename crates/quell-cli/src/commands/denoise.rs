@@ -49,7 +49,7 @@ pub fn run(context: &Context, settings: SequenceSettings, args: DenoiseArgs) -> 
         return context.finish(&report(context, &job, None, &[]), further(&job, None), "");
     }
     output::check_folder(job.folder())?;
-    // Bands are there because memory is short. In a job that fits freed planes are better kept: the same size is wanted again soon.
+    // Bands are there because memory is short.
     if job.memory()?.bands > 1 {
         allocator::give_back_at_once();
     }

@@ -17,7 +17,7 @@ use crate::args::{Cli, Command};
 use crate::backend::adapters;
 use crate::context::{Context, instruction_set};
 use crate::failure::Failure;
-use crate::{interrupt, output};
+use crate::{allocator, interrupt, output};
 use clap::CommandFactory;
 
 /// Five lines that start a newcomer.
@@ -39,6 +39,10 @@ pub fn run(cli: Cli) -> Result<(), Failure> {
         return output::print(&version(cli.common.verbose));
     }
     let Some(command) = cli.command else { return output::print(WELCOME) };
+    // Frame after frame of one size.
+    if matches!(command, Command::Denoise(_) | Command::Bench(_)) {
+        allocator::keep_for_reuse();
+    }
     let in_threads = || {
         let command = match command {
             Command::Denoise(args) => {
