@@ -2,10 +2,15 @@
 
     python3 benchmarks/exr_moving.py OUT.png NOISY_DIR CLEAN_DIR ... [--colours 40,140] [--exposure 1] [--fps 12] [--crop X,Y,W,H]
 
-The one of the README, 2 samples a pixel beside what quell makes of them:
+Those of the README: 2 samples a pixel beside what `quell denoise` makes of them,
 
     quell denoise ../shared/frames/hall/noisy -o clean
     python3 benchmarks/exr_moving.py docs/media/hall.png ../shared/frames/hall/noisy clean --colours 26,110 --crop 0,8,384,209
+
+and of the real-time filter, once its history is full:
+
+    quell render glossy-room -o strip --size 260x146 --frames 0-23 --reference 48 --reference-frames 12-23
+    python3 benchmarks/exr_moving.py docs/media/demo.png strip/noisy strip/denoised strip/reference --exposure 1.25 --colours 40,100,100
 
 Frames that all folders have are shown, in order. Each panel has a palette of its own (255 colours together; a noisy one needs
 few: its grain hides the steps). Needs `pip install OpenEXR numpy Pillow`.

@@ -1,7 +1,7 @@
-//! The README's moving picture, from what `quell render` wrote:
+//! A moving picture of what `quell render` wrote: noisy, denoised, reference.
 //!
 //!     quell render glossy-room -o strip --size 260x146 --frames 12-23 --reference 48
-//!     cargo run --release -p quell-lab --example 02_moving_picture -- strip docs/media/demo.png
+//!     cargo run --release -p quell-lab --example 02_moving_picture -- strip strip.png
 
 use quell_frames::{find_frames, read_frame};
 use quell_lab::report::strip::{StripOptions, write_animation};
