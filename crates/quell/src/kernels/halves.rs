@@ -20,7 +20,7 @@ pub(crate) fn widen(h: f16) -> f32 {
 }
 
 #[cfg(feature = "cpu")]
-pub(crate) use lanes::{Eights, widen_eight};
+pub(crate) use lanes::{Eights, Runs, widen_eight, widen_from};
 
 #[cfg(feature = "cpu")]
 mod lanes {
@@ -55,6 +55,52 @@ mod lanes {
             _ => std::array::from_fn(|i| widen(halves[i])),
         };
         values.simd_into(simd)
+    }
+
+    /// Half floats that are read by runs of `N`, also the last ones: one comparison a run, and no function is called.
+    pub(crate) struct Runs<'a, const N: usize> {
+        data: &'a [f16],
+        /// The last `N` and as many zeros.
+        last: Vec<f16>,
+        /// Where those begin.
+        from: usize,
+    }
+
+    impl<'a, const N: usize> Runs<'a, N> {
+        const ZEROS: &'static [f16; N] = &[f16::ZERO; N];
+
+        pub(crate) fn new(data: &'a [f16]) -> Self {
+            let from = data.len().saturating_sub(N);
+            let mut last = vec![f16::ZERO; 2 * N];
+            last.iter_mut().zip(&data[from..]).for_each(|(last, value)| *last = *value);
+            Self { data, last, from }
+        }
+
+        /// Those from `at` on, which is no more than `isize::MAX`; beyond the end 0.
+        #[inline(always)]
+        pub(crate) fn at(&self, at: usize) -> &[f16; N] {
+            // That the sums do not overflow is plain to the compiler so.
+            let at = at & (usize::MAX >> 1);
+            let last = at.wrapping_sub(self.from) & (usize::MAX >> 1);
+            let run = match self.data.get(at..at + N) {
+                Some(run) => Some(run),
+                None => self.last.get(last..last + N),
+            };
+            match run {
+                Some(run) => run.first_chunk().unwrap_or(Self::ZEROS),
+                None => Self::ZEROS,
+            }
+        }
+    }
+
+    /// [`widen`] of eight of a run, from `first` on.
+    #[inline(always)]
+    pub(crate) fn widen_from<S: Simd, const N: usize>(simd: S, run: &[f16; N], first: usize) -> f32x8<S> {
+        let halves = match run.get(first..first + 8) {
+            Some(some) => *some.first_chunk().unwrap_or(&[f16::ZERO; 8]),
+            None => [f16::ZERO; 8],
+        };
+        widen_eight(simd, halves)
     }
 
     /// Half floats that are read by eights, also the last ones. No function is called: a loop around keeps its sums in registers.
@@ -114,9 +160,16 @@ mod tests {
                     assert!(value.to_bits() == expected.to_bits() || (value.is_nan() && expected.is_nan()), "{at} {i}");
                 }
             }
-            for n in 0..20 {
+            for n in 0..50 {
                 let few = Eights::new(&all[0x3c00..][..n]);
+                let runs = Runs::<24>::new(&all[0x3c00..][..n]);
                 for at in 0..n + 3 {
+                    let run = runs.at(at);
+                    for (i, value) in run.iter().enumerate() {
+                        assert_eq!(*value, if at + i < n { all[0x3c00 + at + i] } else { f16::ZERO }, "{n} {at}");
+                    }
+                    let found: [f32; 8] = widen_from(simd, run, 5).into();
+                    assert_eq!(found, std::array::from_fn(|i| run[5 + i].to_f32()), "{n} {at}");
                     let found: [f32; 8] = few.widen(simd, at).into();
                     let expected = std::array::from_fn(|i| if at + i < n { all[0x3c00 + at + i].to_f32() } else { 0.0 });
                     assert_eq!(found, expected, "{n} {at}");

@@ -5,7 +5,7 @@
 use super::trajectory::{CORNERS, LANES, Met, Pair, Way};
 use super::{FREE_COUNT, Gathered, LEAST_COUNT, LEAST_NOISE, Place, decay, lit, mean_of};
 use crate::kernels::guide_distance::{FARTHEST, LEAST_BASE};
-use crate::kernels::halves::{Eights, widen_eight};
+use crate::kernels::halves::{Eights, Runs, widen_eight, widen_from};
 use crate::kernels::math::{LUMINANCE, three};
 use crate::par;
 use crate::sequence::settings::Gather;
@@ -220,30 +220,58 @@ impl<S: Simd> Block<S> {
                     let sums = &mut self.sums[(LANES * g + i) * job.lanes.len()..];
                     for (lanes, sums) in job.lanes.iter().zip(sums) {
                         let there = &lanes.frames[to];
-                        let mut adding = Adding::new(simd, job.gather, lanes, (to, k), sums);
-                        // Twice, so that no function is called in the loop that nearly always runs: sums stay in registers.
-                        if let Some(first) = there.run {
-                            for c in 0..CORNERS {
-                                if met.weights[c][i] != 0.0 {
-                                    let found = there.side_by_side(simd, first, met.pixels[c][i] as usize);
-                                    adding.add(found, met.weights[c][i], alike[c][i]);
-                                }
-                            }
-                        } else {
-                            for c in 0..CORNERS {
-                                if met.weights[c][i] != 0.0 {
-                                    let pixel = met.pixels[c][i] as usize;
-                                    let found = (there.samples(simd, pixel), there.means(simd, pixel));
-                                    adding.add(found, met.weights[c][i], alike[c][i]);
-                                }
-                            }
+                        let (mut pixels, mut shares) = ([0usize; CORNERS], [(0.0f32, 0.0f32); CORNERS]);
+                        for c in 0..CORNERS {
+                            pixels[c] = met.pixels[c][i] as usize;
+                            shares[c] = (met.weights[c][i], alike[c][i]);
                         }
-                        adding.store(sums);
+                        let new = (job.gather, lanes, (to, k));
+                        // Each form with sums of its own, and no function is called where there is a run: they stay in registers.
+                        if let Some(few) = &there.few {
+                            let mut adding = Adding::new(simd, new, sums);
+                            for c in 0..CORNERS {
+                                if shares[c].0 != 0.0 {
+                                    adding.add(few.at(simd, pixels[c]), shares[c]);
+                                }
+                            }
+                            adding.store(sums);
+                        } else if let Some(first) = there.run {
+                            let mut adding = Adding::new(simd, new, sums);
+                            for c in 0..CORNERS {
+                                if shares[c].0 != 0.0 {
+                                    adding.add(there.side_by_side(simd, first, pixels[c]), shares[c]);
+                                }
+                            }
+                            adding.store(sums);
+                        } else {
+                            scattered(simd, there, new, (&pixels, &shares), sums);
+                        }
                     }
                 }
             }
         }
     }
+}
+
+/// Adds the samples of a footprint whose planes do not lie side by side, apart from the loop around.
+#[inline(always)]
+fn scattered<S: Simd>(
+    simd: S,
+    there: &There<'_>,
+    new: (&Gather, &Lanes<'_>, (usize, usize)),
+    (pixels, shares): (&[usize; CORNERS], &[(f32, f32); CORNERS]),
+    sums: &mut Sums,
+) {
+    simd.vectorize(
+        #[inline(always)]
+        || {
+            let mut adding = Adding::new(simd, new, sums);
+            for (pixel, share) in pixels.iter().zip(shares).filter(|(_, share)| share.0 != 0.0) {
+                adding.add((there.samples(simd, *pixel), there.means(simd, *pixel)), *share);
+            }
+            adding.store(sums);
+        },
+    );
 }
 
 /// Reads what will be summed, all at once, so that the memory serves many at a time: in the sums each would be waited for.
@@ -344,21 +372,19 @@ fn interleaved<S: Simd>(a: u16x8<S>, b: u16x8<S>) -> [u16x8<S>; 2] {
 /// What a pixel shows in mirrors and through glass: albedo and normal one after the other, and two halves that mean nothing.
 #[inline(always)]
 fn of_each(seen: &Packed, pixel: usize) -> [u16; LANES] {
-    let rest = match seen.data.get(6 * pixel..) {
-        Some(rest) => rest,
-        None => &[],
-    };
-    match rest.first_chunk::<LANES>() {
-        Some(run) => bytemuck::cast(*run),
-        None => last_of_each(rest),
+    // That the sum does not overflow is plain to the compiler so.
+    let at = (6 * pixel) & (usize::MAX >> 1);
+    match seen.data.get(at..at + LANES) {
+        Some(run) => bytemuck::cast(*run.first_chunk::<LANES>().unwrap_or(&[f16::ZERO; LANES])),
+        None => last_of_each(&seen.data, at),
     }
 }
 
 /// Of the last pixel, with nothing behind it.
 #[cold]
-fn last_of_each(rest: &[f16]) -> [u16; LANES] {
+fn last_of_each(data: &[f16], at: usize) -> [u16; LANES] {
     let mut found = [0; LANES];
-    found.iter_mut().zip(rest).for_each(|(found, half)| *found = half.to_bits());
+    found.iter_mut().zip(data.iter().skip(at)).for_each(|(found, half)| *found = half.to_bits());
     found
 }
 
@@ -398,10 +424,43 @@ struct There<'a> {
     light: Eights<'a>,
     /// The planes lie side by side from here on, and so do their means.
     run: Option<usize>,
+    /// The same where there are no others.
+    few: Option<Few<'a>>,
     places: [Place; LANES],
     means: [Option<usize>; LANES],
     /// 0 where nothing is known of a light.
     known: [f32; LANES],
+}
+
+/// A frame with up to eight planes and as many lights: what is read of a pixel lies in two runs.
+struct Few<'a> {
+    samples: Runs<'a, { 3 * LANES }>,
+    light: Runs<'a, { 2 * LANES }>,
+    planes: usize,
+    lights: usize,
+    scale: f32,
+}
+
+impl<'a> Few<'a> {
+    fn new(frame: &'a PreparedFrame) -> Option<Self> {
+        let (planes, lights) = (frame.samples.planes, frame.means.lights);
+        if planes > LANES || lights > LANES {
+            return None;
+        }
+        let (samples, light) = (Runs::new(&frame.samples.data), Runs::new(&frame.means.data));
+        Some(Self { samples, light, planes, lights, scale: frame.means.scale })
+    }
+
+    /// As [`There::side_by_side`].
+    #[inline(always)]
+    fn at<S: Simd>(&self, simd: S, pixel: usize) -> ([f32x8<S>; 3], [f32x8<S>; 2]) {
+        // That they are no more is plain to the compiler so.
+        let (planes, lights) = (self.planes.min(LANES), self.lights.min(LANES));
+        let run = self.samples.at(3 * pixel * self.planes);
+        let light = self.light.at(2 * pixel * self.lights);
+        let sample = [widen_from(simd, run, 0), widen_from(simd, run, planes), widen_from(simd, run, 2 * planes)];
+        (sample, [widen_from(simd, light, 0) * self.scale, widen_from(simd, light, lights) * self.scale])
+    }
 }
 
 /// The means of eight planes in one pixel.
@@ -451,7 +510,9 @@ impl<'a> Lanes<'a> {
                 && places[..n].iter().enumerate().all(packed)
                 && means[..n].iter().enumerate().all(met);
             let (samples, light) = (Eights::new(&frame.samples.data), Eights::new(&frame.means.data));
-            There { frame, samples, light, run: run.then_some(before), places, means, known }
+            let run = run.then_some(before);
+            let few = run.and_then(|_| Few::new(frame));
+            There { frame, samples, light, run, few, places, means, known }
         };
         Self {
             each: each.to_vec(),
@@ -560,7 +621,7 @@ struct Adding<S: Simd> {
 impl<S: Simd> Adding<S> {
     /// Samples of frame `to`, `distance` frames away.
     #[inline(always)]
-    fn new(simd: S, s: &Gather, lanes: &Lanes<'_>, (to, distance): (usize, usize), sums: &Sums) -> Self {
+    fn new(simd: S, (s, lanes, (to, distance)): (&Gather, &Lanes<'_>, (usize, usize)), sums: &Sums) -> Self {
         let load = |v: &[f32; LANES]| -> f32x8<S> { (*v).simd_into(simd) };
         let zero = f32x8::splat(simd, 0.0);
         let there = &lanes.frames[to];
@@ -584,7 +645,7 @@ impl<S: Simd> Adding<S> {
     }
 
     #[inline(always)]
-    fn add(&mut self, (sample, means): ([f32x8<S>; 3], [f32x8<S>; 2]), weight: f32, alike: f32) {
+    fn add(&mut self, (sample, means): ([f32x8<S>; 3], [f32x8<S>; 2]), (weight, alike): (f32, f32)) {
         let simd = self.simd;
         let alike = self.seen.select(f32x8::splat(simd, alike), f32x8::splat(simd, 1.0));
         let mut weight = self.power * weight * alike * self.known;
