@@ -10,7 +10,6 @@ The net is convolutional (`crates/quell/src/kernels/conv.rs`). References are th
 candidates', so it adds a constant to squared errors.
 """
 import argparse
-import glob
 import os
 import time
 
@@ -19,7 +18,7 @@ import torch
 import torch.nn.functional as F
 from torch import nn
 
-from common import compressed, figures, line, logarithm, references, relative
+from common import compressed, drawn, figures, line, logarithm, relative, sequences
 
 CANDIDATES, READ, WIDTHS = 3, 26, (16, 32, 32)
 
@@ -36,20 +35,6 @@ def load(folder, found):
             picture = torch.tensor(exr_sequence.beauty(found[number]).astype(np.float32)).permute(2, 0, 1)
             frames.append({"candidates": data[:9], "noise": data[9:10], "read": data[10:], "reference": picture})
     return frames
-
-
-def sequences(views, ladder, scenes):
-    """{(scene, count): frames} of what there is; `drawn`: all of its scenes."""
-    found = {}
-    for scene in scenes:
-        drawn = sorted(glob.glob(os.path.join(views, "drawn", "*")), key=lambda p: int(os.path.basename(p)))
-        for name in [os.path.join("drawn", os.path.basename(p)) for p in drawn] if scene == "drawn" else [scene]:
-            folder = os.path.join(views, name)
-            for count in sorted(os.listdir(folder)) if os.path.isdir(folder) else ():
-                frames = load(os.path.join(folder, count), references(ladder, name, count))
-                if frames:
-                    found[name, count] = frames
-    return found
 
 
 class Net(nn.Module):
@@ -112,6 +97,21 @@ def loss(out, r, base, flicker):
     return squared + flicker * change + absolute + 0.3 * torch.sqrt(squared + 1e-6) + (tone(out) - tone(r)).abs().mean(-1) / base[:, 3]
 
 
+def worse(out, first, r):
+    """How much worse than the input blocks of 16x16 pixels are: what users of many samples meet first, and what the mean of all errors
+    hardly sees."""
+    blocks = lambda x: F.avg_pool2d(relative(last(x), last(r))[:, None], 16)
+    return torch.log1p(torch.relu(blocks(out) / (blocks(first) + 1e-6) - 1)).mean()
+
+
+def error_found(error, out, r, noise, share):
+    """Of the expected error its distance from the real one, both logarithms, of means over 5x5: so single outliers do not decide what is
+    said of all pixels. `share`: the noise of the reference over the input's."""
+    pool = lambda x: F.avg_pool2d(x[:, None], 5, 1, 2, count_include_pad=False)[:, 0]
+    actual = pool(((out - r) ** 2).mean(1)) / torch.clamp(pool(noise[:, 0]), min=1e-12) - share[:, None, None]
+    return F.smooth_l1_loss(error, torch.log2(actual.clamp(min=1e-3)), reduction="none")
+
+
 def tile(frame, size, rng):
     """A part of a frame, turned and mirrored at random."""
     h, w = frame["reference"].shape[-2:]
@@ -137,9 +137,21 @@ def report(net, frames, name):
     print(f"{name:28} net {line(first, out)} blocks worse {worse:.3f}   stabilised {line(first, steady)}   wavelet {line(first, wavelet)}   shares {' '.join('%.2f' % s for s in shares)}", flush=True)
 
 
+def values(net):
+    """All that the file of weights holds, in its order."""
+    return [net.mean, net.deviation] + [v for layer in net.layers for v in (layer.weight, layer.bias)]
+
+
+def begin_with(net, path):
+    found = torch.tensor(np.fromfile(path, "<f2").astype(np.float32))
+    parts = found.split([v.numel() for v in values(net)])
+    with torch.no_grad():
+        for value, part in zip(values(net), parts):
+            value.copy_(part.view_as(value))
+
+
 def write(net, path):
-    values = [net.mean, net.deviation] + [v for layer in net.layers for v in (layer.weight, layer.bias)]
-    np.concatenate([v.detach().numpy().ravel() for v in values]).astype("<f2").tofile(path)
+    np.concatenate([v.detach().numpy().ravel() for v in values(net)]).astype("<f2").tofile(path)
 
 
 def main():
@@ -149,41 +161,49 @@ def main():
     ap.add_argument("--fit", required=True, help="scenes to train on")
     ap.add_argument("--report", default="")
     ap.add_argument("--weights", help="file to write")
+    ap.add_argument("--begin", help="weights to begin with, instead of random ones")
+    ap.add_argument("--rate", type=float, default=2e-3)
     ap.add_argument("--steps", type=int, default=3000)
     ap.add_argument("--batch", type=int, default=6)
-    ap.add_argument("--tile", type=int, default=48)
+    ap.add_argument("--tile", type=int, default=56, help="pixels, of which 4 at each border do not count; 8 more than a multiple of 16")
     ap.add_argument("--flicker", type=float, default=3.0, help="weight of the error of the logarithm")
+    ap.add_argument("--blocks", type=float, default=10.0, help="weight of blocks that are worse than the input")
+    ap.add_argument("--samples", type=float, default=256, help="of the references, for the expected error")
     ap.add_argument("--threads", type=int, default=1)
     ap.add_argument("--seed", type=int, default=0)
     a = ap.parse_args()
     torch.set_num_threads(a.threads)
     torch.manual_seed(a.seed)
     rng = np.random.default_rng(a.seed)
-    fit = sequences(a.views, a.ladder, a.fit.split(","))
-    held = sorted({name for name, _ in fit if name.startswith("drawn")}, key=lambda n: int(n.split(os.sep)[1]))[::7]
-    others = {**{k: v for k, v in fit.items() if k[0] in held}, **sequences(a.views, a.ladder, filter(None, a.report.split(",")))}
+    fit = sequences(a.views, a.ladder, a.fit.split(","), load)
+    held = drawn(a.views)[1]
+    others = {**{k: v for k, v in fit.items() if k[0] in held}, **sequences(a.views, a.ladder, filter(None, a.report.split(",")), load)}
     fit = {k: v for k, v in fit.items() if k[0] not in held}
     frames = [(frame, base(frame)) for group in fit.values() for frame in group]
+    counts = [int(count.split("_")[1]) for (_, count), group in fit.items() for _ in group]
     # A picture counts by its pixels, up to a point.
     weights = np.array([min(frame["noise"].numel(), 60000) for frame, _ in frames], float)
     net = Net()
     read = torch.cat([frame["read"].flatten(1) for frame, _ in frames], 1)
-    net.mean.copy_(read.mean(1)[:, None, None])
-    net.deviation.copy_(read.std(1)[:, None, None] + 1e-3)
-    optimiser = torch.optim.Adam(net.parameters(), 2e-3)
-    schedule = torch.optim.lr_scheduler.OneCycleLR(optimiser, 2e-3, a.steps, pct_start=0.1)
+    if a.begin:
+        begin_with(net, a.begin)
+    else:
+        net.mean.copy_(read.mean(1)[:, None, None])
+        net.deviation.copy_(read.std(1)[:, None, None] + 1e-3)
+    optimiser = torch.optim.Adam(net.parameters(), a.rate)
+    schedule = torch.optim.lr_scheduler.OneCycleLR(optimiser, a.rate, a.steps, pct_start=0.1)
     begin, smooth = time.time(), 0.0
     for step in range(a.steps):
         chosen = rng.choice(len(frames), a.batch, p=weights / weights.sum())
         read, candidates, r, noise = [torch.stack(t) for t in zip(*(tile(frames[k][0], a.tile, rng) for k in chosen))]
         shares, error = net(read)
         out = mixed(shares, candidates)
-        # expected error over the noise: the mean of a distribution whose logarithm is `error`
-        actual = ((out.detach() - r) ** 2).mean(1) / torch.clamp(noise[:, 0], min=1e-12)
-        expected = torch.clamp(actual, max=1e4) * torch.exp2(-error.clamp(-20, 14)) + error.clamp(-20, 14) * np.log(2)
+        each = loss(out, r, torch.stack([frames[k][1] for k in chosen]), a.flicker)
+        share = torch.tensor([counts[k] / a.samples for k in chosen])
+        each = each + 0.1 * error_found(error, out.detach(), r, noise, share)
         # what lies at a tile's border sees less than it will
-        each = loss(out, r, torch.stack([frames[k][1] for k in chosen]), a.flicker) + 0.02 * expected
-        total = each[:, 4:-4, 4:-4].mean()
+        inner = lambda t: t[..., 4:-4, 4:-4]
+        total = inner(each).mean() + a.blocks * worse(inner(out), inner(candidates[:, :3]), inner(r))
         optimiser.zero_grad()
         total.backward()
         nn.utils.clip_grad_norm_(net.parameters(), 1.0)

@@ -1,5 +1,7 @@
 """What the training scripts of the nets share: data, losses, figures, and the weights as Rust."""
+import glob
 import os
+import re
 import sys
 
 import numpy as np
@@ -33,10 +35,22 @@ def references(ladder, scene, count):
     return found
 
 
+def drawn(views):
+    """Names of the scenes drawn by chance, and of every seventh, which no training sees."""
+    numbers = sorted((int(os.path.basename(p)) for p in glob.glob(os.path.join(views, "drawn", "*"))))
+    names = [os.path.join("drawn", str(n)) for n in numbers]
+    return names, names[::7]
+
+
+def expanded(views, scenes):
+    """`drawn` replaced by the names of all of them."""
+    return [name for scene in scenes for name in (drawn(views)[0] if scene == "drawn" else [scene])]
+
+
 def sequences(views, ladder, scenes, load):
-    """{(scene, count): load(folder of views, references)} of what there is."""
+    """{(scene, count): load(folder of views, references)} of what there is; `drawn`: all of its scenes."""
     found = {}
-    for scene in scenes:
+    for scene in expanded(views, scenes):
         folder = os.path.join(views, scene)
         for count in sorted(os.listdir(folder)) if os.path.isdir(folder) else ():
             data = load(os.path.join(folder, count), references(ladder, scene, count))
@@ -48,6 +62,23 @@ def sequences(views, ladder, scenes, load):
 def shares(text):
     """`harbour:0.4,night` -> {"harbour": 0.4, "night": 1.0}"""
     return {name: float(share or 1) for name, _, share in (part.partition(":") for part in text.split(",")) if name}
+
+
+def read_rust(path):
+    """The layers of a net that `rust` wrote."""
+    text = open(path).read()
+    text = text[text.index("first:") :]
+    rows = [[float(v) for v in row.split(",")] for row in re.findall(r"\[(-?\d[^\[\]]*)\]", text)]
+    found, layer = nn.ModuleList(), []
+    for row in rows:
+        layer.append(row)
+        # A layer's rows are as many as the layer before has outputs, then what it adds.
+        if len(layer) > (found[-1].out_features if found else text[: text.index("], [")].count("[") - 1):
+            one = nn.Linear(len(layer) - 1, len(row))
+            one.weight, one.bias = (nn.Parameter(torch.tensor(np.array(v, np.float32)), False) for v in (np.transpose(layer[:-1]), row))
+            found.append(one)
+            layer = []
+    return found
 
 
 def relative(x, r):

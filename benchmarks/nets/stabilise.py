@@ -1,13 +1,16 @@
 """Train the net of the sequence filter's stage `stabilise`: the bandwidths of its cross-bilateral filter (Kalantari et al. 2015).
 
-    python3 benchmarks/nets/stabilise.py VIEWS LADDER --fit harbour,night,workshop --report yard,hall --weights crates/quell/src/stages/stabilise/weights.rs
+    python3 benchmarks/nets/stabilise.py VIEWS LADDER --fit workshop,harbour:0.2,night --report yard,hall --weights crates/quell/src/stages/stabilise/weights.rs
+    python3 benchmarks/nets/stabilise.py VIEWS LADDER --fit workshop,harbour:0.2,night,drawn:0.25 --report yard,hall \
+        --bandwidths crates/quell/src/stages/stabilise/weights.rs --weights crates/quell/src/stages/stabilise/share.rs
 
 VIEWS holds what the example `blend_views` writes with taps, LADDER the sequences of `benchmarks/ladder`. Needs `pip install torch
 numpy OpenEXR`. The scenes of `--report` are never trained on: their figures are printed.
 
-What is trained: `log2` of a bandwidth for each part of the signature and the distance in pixels, for taps of the frame itself and for
-those of others, and for frames between. Beside the filtered picture a mixture of it and the input is asked to be good, as the stage
-`blend` will make one.
+What is trained first: `log2` of a bandwidth for each part of the signature and the distance in pixels, for taps of the frame itself and
+for those of others, and for frames between. With `--bandwidths` these are kept as they are, and a second net is trained: `log2` of
+the input's share in what is averaged, over the filtered picture's. Beside the filtered picture a mixture of it and the input has to be
+good, as the stage `blend` will make one. The scene `drawn` stands for all scenes drawn by chance but every seventh.
 """
 import argparse
 import os
@@ -17,13 +20,14 @@ import numpy as np
 import torch
 from torch import nn
 
-from common import figures, layers, line, loss, run, rust, sequences, shares
+from common import drawn, expanded, figures, layers, line, loss, read_rust, run, rust, sequences, shares
 
-HEAD, CHANNELS, PARTS = 30, 9, 4
+HEAD, CHANNELS, PARTS = 30, 12, 4
 TAPS = 25 + 6 * 9
 READ = (0, 1, 2, 3, 4, 7, 11, 12, 14, 15, 16)  # as `READ` in stages/stabilise/mod.rs
-# where training begins: `log2` of bandwidths that a fit of constants gave
+# where training begins: `log2` of bandwidths that a fit of constants gave, of the input's share, and a mixture with the input
 START = (0.3, -1.5, 1.5, -1.0, -1.0, -3.0, -2.0, 1.0, -1.0, 1.9, -3.0)
+SHARE, MIXTURE = -4.0, -2.0
 LEAST_DEVIATION = 1e-7  # as in stages/stabilise/mod.rs
 DETAIL = 11  # which of the statistics is the fine variance of the wavelet's picture, over the noise
 
@@ -43,30 +47,37 @@ def load(folder, references):
 
 
 class Net(nn.Module):
-    def __init__(self, hidden):
+    """`bandwidths`: the net that gives them, where this one gives the input's share."""
+
+    def __init__(self, hidden, bandwidths=None):
         super().__init__()
-        self.layers = layers(len(READ), hidden, len(START) + 1)
+        begin = [SHARE] if bandwidths else START
+        self.layers = layers(len(READ), hidden, len(begin) + 1)
+        self.bandwidths = bandwidths
         nn.init.zeros_(self.layers[-1].weight)
         with torch.no_grad():
-            self.layers[-1].bias.copy_(torch.tensor([*START, -2.0]))
+            self.layers[-1].bias.copy_(torch.tensor([*begin, MIXTURE]))
 
     def forward(self, head, taps, scale):
         """The filtered colour, and a mixture with the input, over the brightness."""
         taps = taps.float()
         statistics = head[:, 13:]
-        z = run(self.layers, (statistics[:, READ] - scale[0]) / scale[1])
+        y = run(self.layers, (statistics[:, READ] - scale[0]) / scale[1])
+        z = run(self.bandwidths, statistics[:, READ]) if self.bandwidths else y
         noise = head[:, 3] * 3 * head[:, 2] ** 2
         fine = torch.exp2(statistics[:, DETAIL]) * noise
         ones = torch.ones_like(noise)
         deviation = torch.stack([fine + LEAST_DEVIATION, noise + LEAST_DEVIATION, ones, ones, ones], -1)
         bandwidths = torch.exp2(z[:, :10].clamp(-20, 20)).reshape(-1, 2, PARTS + 1) / deviation[:, None]
-        away = taps[..., 8]
+        away = taps[..., 11]
         group = (away > 1.5).long()
-        weight = (taps[..., 3:8] * torch.gather(bandwidths, 1, group[..., None].expand(-1, -1, PARTS + 1))).sum(-1)
+        weight = (taps[..., 6:11] * torch.gather(bandwidths, 1, group[..., None].expand(-1, -1, PARTS + 1))).sum(-1)
         weight = weight + torch.exp2(z[:, 10:11].clamp(-20, 20)) * torch.clamp(away - 2, min=0)
         weight = torch.where(away > 0, torch.exp2(-weight.clamp(max=60)), 0.0)
-        out = (weight[..., None] * taps[..., :3]).sum(1) / weight.sum(1, keepdim=True)
-        return out, out + torch.sigmoid(z[:, 11:]) * (head[:, 4:7] - out)
+        share = torch.sigmoid(y[:, 0].clamp(-20, 20) * np.log(2))[:, None, None] if self.bandwidths else 0.0
+        colours = taps[..., :3] + share * (taps[..., 3:6] - taps[..., :3])
+        out = (weight[..., None] * colours).sum(1) / weight.sum(1, keepdim=True)
+        return out, out + torch.sigmoid(y[:, -1:]) * (head[:, 4:7] - out)
 
 
 def candidates(head):
@@ -89,28 +100,33 @@ def main():
     ap.add_argument("--fit", required=True, help="scenes to train on, as harbour:0.5,night; the number is the weight of its loss")
     ap.add_argument("--report", default="")
     ap.add_argument("--weights", help="Rust file to write")
+    ap.add_argument("--bandwidths", help="Rust file of the net that gives the bandwidths: train that of the share")
     ap.add_argument("--hidden", default="8,8")
-    ap.add_argument("--steps", type=int, default=600)
-    ap.add_argument("--batch", type=int, default=800, help="pixels of each sequence a step")
+    ap.add_argument("--steps", type=int, default=900)
+    ap.add_argument("--sequences", type=int, default=14, help="taken by chance in a step")
+    ap.add_argument("--batch", type=int, default=500, help="pixels of each of them")
     ap.add_argument("--rate", type=float, default=6e-3)
-    ap.add_argument("--decay", type=float, default=0.5, help="of the weights: without it the net fits its scenes a little better and others worse")
+    ap.add_argument("--decay", type=float, default=0.5, help="of the weights: without it the net of the bandwidths fits its scenes a little better and others worse; 0.05 for the share")
     ap.add_argument("--seed", type=int, default=0)
     a = ap.parse_args()
     torch.set_num_threads(1)
     torch.manual_seed(a.seed)
-    weights = shares(a.fit)
-    sets = sequences(a.views, a.ladder, [*weights, *filter(None, a.report.split(","))], load)
+    held = drawn(a.views)[1]
+    weights = {name: share for scene, share in shares(a.fit).items() for name in expanded(a.views, [scene]) if name not in held}
+    sets = sequences(a.views, a.ladder, [*weights, *held, *filter(None, a.report.split(","))], load)
     fit = {key: data for key, data in sets.items() if key[0] in weights}
     scale = torch.cat([head[:, 13:][:, READ] for head, _, _ in fit.values()])
     scale = scale.mean(0), scale.std(0) + 1e-3
     base = {key: torch.tensor(np.min([figures(c, r) for c in candidates(head)], 0)).float() for key, (head, _, r) in fit.items()}
-    net = Net([int(n) for n in a.hidden.split(",")])
+    net = Net([int(n) for n in a.hidden.split(",")], a.bandwidths and read_rust(a.bandwidths))
     optimiser = torch.optim.AdamW(net.parameters(), a.rate, weight_decay=a.decay)
     schedule = torch.optim.lr_scheduler.CosineAnnealingLR(optimiser, a.steps)
     begin = time.time()
     for step in range(a.steps):
         total = 0.0
-        for key, (head, taps, reference) in fit.items():
+        chosen = [list(fit)[k] for k in torch.randperm(len(fit))[: a.sequences]]
+        for key in chosen:
+            head, taps, reference = fit[key]
             i = torch.randint(0, len(head), (a.batch,))
             h = head[i]
             filtered, mixed = net(h, taps[i], scale)
@@ -121,15 +137,17 @@ def main():
         optimiser.step()
         schedule.step()
         if step % 100 == 0:
-            print(step, float(total.detach()) / sum(weights[scene] for scene, _ in fit), f"{time.time() - begin:.0f} s", flush=True)
+            print(step, float(total.detach()) / sum(weights[scene] for scene, _ in chosen), f"{time.time() - begin:.0f} s", flush=True)
     for (scene, count), data in sets.items():
         report(net, scale, *data, f"{scene} {count}{' (fit)' if scene in weights else ''}")
     if a.weights:
         last = net.layers[-1]
-        kept = nn.Linear(last.in_features, len(START))
-        kept.weight, kept.bias = nn.Parameter(last.weight[: len(START)]), nn.Parameter(last.bias[: len(START)])
+        # The mixture with the input is that of `blend`.
+        kept = nn.Linear(last.in_features, last.out_features - 1)
+        kept.weight, kept.bias = nn.Parameter(last.weight[:-1]), nn.Parameter(last.bias[:-1])
         hidden = ", ".join(a.hidden.split(","))
-        rust([*net.layers[:-1], kept], scale, f"Net<{{ READ.len() }}, {hidden}, OUTPUTS>", ["use super::{OUTPUTS, READ};"], a.weights, "stabilise.py")
+        outputs, names = ("1", "READ") if a.bandwidths else ("OUTPUTS", "{OUTPUTS, READ}")
+        rust([*net.layers[:-1], kept], scale, f"Net<{{ READ.len() }}, {hidden}, {outputs}>", [f"use super::{names};"], a.weights, "stabilise.py")
 
 
 if __name__ == "__main__":

@@ -32,7 +32,7 @@ fn features(frame: &Frame<'_>) -> Features {
         motion: MotionPlanes { to_previous: motion.map(Vectors::new), ..MotionPlanes::default() },
         seen: None,
         has_seen: [false; 2],
-        seen_around: None,
+        albedo_around: None,
         albedo: None,
         mirror_colour: None,
         pixel_angle: 0.0,

@@ -90,8 +90,8 @@ pub struct Features {
     pub(crate) seen: Option<Packed>,
     /// Which of the two there are.
     pub(crate) has_seen: [bool; 2],
-    /// That albedo's mean over 3x3: what a mirror shows there without its aliasing.
-    pub(crate) seen_around: Option<Packed>,
+    /// Mean over 3x3 of that albedo, or of the surface's where that is absent: without the aliasing of mirrors and edges.
+    pub(crate) albedo_around: Option<Packed>,
     /// Tone-mapped colour of the surface, where a light needs it.
     pub(crate) albedo: Option<Packed>,
     /// The colour that light in mirrors and clear glass was divided by, in half precision; 1 where none is kept. `None`: nothing was
@@ -136,7 +136,9 @@ impl Features {
                 }
             })
         });
-        let seen_around = seen.as_ref().filter(|_| has_seen[0]).map(|seen| mean_around(seen, frame.size));
+        let own = frame.albedo.as_ref().filter(|_| !has_seen[0]);
+        let own = own.map(|p| Packed::new(frame.size, 1, |_, i| tone_mapped(p.data()[i])));
+        let albedo_around = own.as_ref().or(seen.as_ref().filter(|_| has_seen[0])).map(|p| mean_around(p, frame.size));
         let coloured = frame.lights.iter().any(|light| Class::of(light.kind) == Class::Coloured);
         let albedo = frame.albedo.as_ref().filter(|_| coloured);
         let albedo = albedo.map(|p| Packed::new(frame.size, 1, |_, i| tone_mapped(p.data()[i])));
@@ -152,7 +154,7 @@ impl Features {
             },
             seen,
             has_seen,
-            seen_around,
+            albedo_around,
             albedo,
             mirror_colour: mirror_colour(frame, &settings.mirrors),
             pixel_angle,
@@ -265,15 +267,15 @@ impl Features {
     }
 }
 
-/// Means over 3x3 of the first plane.
-fn mean_around(seen: &Packed, size: Size) -> Packed {
+/// Means over 3x3.
+fn mean_around(albedo: &Packed, size: Size) -> Packed {
     let (w, h) = (size.width, size.height);
     Packed::new(size, 1, |_, i| {
         let (x, y) = (i % w, i / w);
         let (mut sum, mut n) = ([0.0f32; 3], 0.0);
         for qy in y.saturating_sub(1)..(y + 2).min(h) {
             for qx in x.saturating_sub(1)..(x + 2).min(w) {
-                let colour = seen.at(0, qy * w + qx);
+                let colour = albedo.at(0, qy * w + qx);
                 for c in 0..3 {
                     sum[c] += colour[c];
                 }
@@ -312,4 +314,26 @@ fn pixel_angle(surface: &[SurfacePoint], w: usize, h: usize) -> f32 {
     }
     let rank = ratios.len() / 10;
     *ratios.select_nth_unstable_by(rank, f32::total_cmp).1
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn albedo_around_is_the_surfaces_where_none_is_seen() {
+        let size = Size::new(4, 3);
+        let settings = SequenceSettings::default();
+        let plane = |value: f32| Some(Plane::from_fn(size, |x, _| [if x < 2 { value } else { 0.0 }, 0.1, 0.0]));
+        let mut frame = SequenceFrame::new(1, size);
+        let around = |frame: &SequenceFrame| Features::new(frame, &settings).albedo_around.map(|a| a.at(0, 5)[0]);
+        assert_eq!(around(&frame), None);
+        frame.albedo = plane(1.0);
+        // Tone-mapped to 1 in two of three columns.
+        let own = around(&frame).expect("the surface's");
+        assert!((own - 2.0 / 3.0).abs() < 1e-3, "{own}");
+        frame.seen_albedo = plane(3.0);
+        let seen = around(&frame).expect("what is seen");
+        assert!((seen - 1.0).abs() < 1e-3, "{seen}");
+    }
 }

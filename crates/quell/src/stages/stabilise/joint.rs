@@ -2,7 +2,7 @@
 
 use super::cpu::Track;
 use super::{
-    BOUNDED, PARTS, StabiliseFrame, TAPS_AROUND, TAPS_IN_TIME, albedo_around, bandwidths, normal_at, restored,
+    BOUNDED, PARTS, StabiliseFrame, TAPS_AROUND, TAPS_IN_TIME, albedo_around, bandwidths, mixed, normal_at, restored,
 };
 #[cfg(feature = "internals")]
 use super::{Signature, signature_at};
@@ -88,13 +88,14 @@ pub(crate) struct Joint<'a> {
     noise: PictureNoise,
     /// Mean over 5x5 of the input.
     input: Band,
-    /// Channel by channel, of the rows around, too: signatures, colours, coverage where it is averaged.
+    /// Channel by channel, of the rows around, too: signatures, colours, those of the input, coverage where it is averaged.
     around: Band,
 }
 
-/// Where colours and coverage lie in [`Joint::around`].
+/// Where colours, those of the input and coverage lie in [`Joint::around`].
 const COLOUR: usize = super::SIGNATURE;
-const COVERAGE: usize = COLOUR + 3;
+const RAW: usize = COLOUR + 3;
+const COVERAGE: usize = RAW + 3;
 
 impl<'a> Joint<'a> {
     pub(crate) fn new(
@@ -118,8 +119,10 @@ impl<'a> Joint<'a> {
                 }
             }
             let mut set = |c: usize, x: usize, value: f32| out[c * w + x] = value;
-            for (x, colour) in here.picture.row(y).iter().enumerate() {
-                colour.iter().enumerate().for_each(|(c, value)| set(COLOUR + c, x, *value));
+            for (first, plane) in [(COLOUR, here.picture), (RAW, here.input)] {
+                for (x, colour) in plane.row(y).iter().enumerate() {
+                    colour.iter().enumerate().for_each(|(c, value)| set(first + c, x, *value));
+                }
             }
             if let Some(alpha) = alpha {
                 alpha.row(y).iter().enumerate().for_each(|(x, value)| set(COVERAGE, x, *value));
@@ -156,6 +159,7 @@ impl<'a> Joint<'a> {
                     lanes.offset[group][i] = found.offset[group];
                 }
                 lanes.away[i] = found.away;
+                lanes.raw[i] = found.raw;
             }
             let reach = TAPS_AROUND as isize;
             let mut sums = if whole(x as isize - reach, w) && whole(x as isize + reach, w) {
@@ -166,7 +170,7 @@ impl<'a> Joint<'a> {
             self.add_in_time(simd, (x, y), count, &lanes, &mut sums);
             let [red, green, blue, alpha, total] = &sums;
             for i in 0..count {
-                let own = here.picture.at(x + i, y);
+                let own = mixed(here.picture.at(x + i, y), here.input.at(x + i, y), lanes.raw[i]);
                 row[x + i] = [own[0] + red[i] / total[i], own[1] + green[i] / total[i], own[2] + blue[i] / total[i]];
                 if let Some(coverage) = coverage.get_mut(x + i) {
                     *coverage = here.alpha.map_or(0.0, |a| a.at(x + i, y)) + alpha[i] / total[i];
@@ -190,6 +194,21 @@ impl<'a> Joint<'a> {
         own
     }
 
+    /// The colours that sixteen pixels of the frame bring, from column `x` on, where `raw` is the input's share; then coverage.
+    #[inline(always)]
+    fn colours<const EDGE: bool, S: Simd>(&self, simd: S, (x, y): (isize, usize), raw: f32x16<S>) -> [f32x16<S>; 4] {
+        let at = |c: usize| load::<EDGE, _>(simd, self.around.row(y, c), x);
+        let mut found = [f32x16::splat(simd, 0.0); 4];
+        for c in 0..3 {
+            let filtered = at(COLOUR + c);
+            found[c] = filtered + raw * (at(RAW + c) - filtered);
+        }
+        if self.has_alpha {
+            found[3] = at(COVERAGE);
+        }
+        found
+    }
+
     /// Of sixteen pixels the sums over the pixels around them: colours, coverage and weights.
     #[inline(always)]
     fn sums_around<const EDGE: bool, S: Simd>(
@@ -207,11 +226,9 @@ impl<'a> Joint<'a> {
             parts[k] = f32x16::from_slice(simd, &lanes.parts[0][k]);
         }
         let by_distance = f32x16::from_slice(simd, &lanes.offset[0]);
-        let mut own_colour = [zero; 4];
+        let raw = f32x16::from_slice(simd, &lanes.raw);
+        let own_colour = self.colours::<EDGE, _>(simd, (x as isize, y), raw);
         let channels = if self.has_alpha { 4 } else { 3 };
-        for c in 0..channels {
-            own_colour[c] = load::<EDGE, _>(simd, self.around.row(y, COLOUR + c), x as isize);
-        }
         let (mut sums, mut total) = ([zero; 4], f32x16::splat(simd, 1.0));
         let r = TAPS_AROUND as isize;
         for dy in -r..=r {
@@ -237,16 +254,17 @@ impl<'a> Joint<'a> {
                 let distance = (four[0] + four[2]) + (four[1] + four[3]);
                 let offset = (dx * dx + dy * dy) as f32;
                 let weight = exp2(simd, -(distance + by_distance * offset));
+                let colour = self.colours::<EDGE, _>(simd, (x as isize + dx, qy as usize), raw);
                 if EDGE {
                     let inside: f32x16<S> = inside(x as isize + dx, w).simd_into(simd);
                     let inside = inside.simd_gt(zero);
                     for c in 0..channels {
-                        sums[c] += inside.select(weight * (at(COLOUR + c) - own_colour[c]), zero);
+                        sums[c] += inside.select(weight * (colour[c] - own_colour[c]), zero);
                     }
                     total += inside.select(weight, zero);
                 } else {
                     for c in 0..channels {
-                        sums[c] += weight * (at(COLOUR + c) - own_colour[c]);
+                        sums[c] += weight * (colour[c] - own_colour[c]);
                     }
                     total += weight;
                 }
@@ -361,10 +379,8 @@ impl<'a> Joint<'a> {
         let by_distance = f32x16::from_slice(simd, &lanes.offset[1]);
         let between = f32x16::from_slice(simd, &lanes.away) * (away - 1) as f32;
         let channels = if self.has_alpha { 4 } else { 3 };
-        let mut own_colour = [zero; 4];
-        for c in 0..channels {
-            own_colour[c] = load::<EDGE, _>(simd, self.around.row(y, COLOUR + c), x as isize);
-        }
+        let raw = f32x16::from_slice(simd, &lanes.raw);
+        let own_colour = self.colours::<EDGE, _>(simd, (x as isize, y), raw);
         let mut sum = [zero; 5];
         for k in 0..5 {
             sum[k] = f32x16::from_slice(simd, &sums[k]);
@@ -373,18 +389,20 @@ impl<'a> Joint<'a> {
         let lane = f32x16::from_slice(simd, &LANE);
         for dy in -R..=R {
             let Some(row) = other.features.row_here(place.1 + dy) else { continue };
-            let mut colours = [[0.0; 2 * BLOCK]; 4];
+            // Three of the picture, of the input, and coverage.
+            let mut colours = [[0.0; 2 * BLOCK]; 7];
             for j in 0..WIDTH {
                 let column = place.0 - R + j as isize;
                 if EDGE && !(0..w as isize).contains(&column) {
                     continue;
                 }
-                let c = other.picture.at(column as usize, row);
+                let (filtered, input) = (other.picture.at(column as usize, row), other.input.at(column as usize, row));
                 for k in 0..3 {
-                    colours[k][j] = c[k];
+                    colours[k][j] = filtered[k];
+                    colours[3 + k][j] = input[k];
                 }
                 if let (true, Some(alpha)) = (self.has_alpha, other.alpha) {
-                    colours[3][j] = alpha.at(column as usize, row);
+                    colours[6][j] = alpha.at(column as usize, row);
                 }
             }
             let off_y = f32x16::splat(simd, (place.1 + dy) as f32) - at_y;
@@ -413,8 +431,13 @@ impl<'a> Joint<'a> {
                     weight
                 };
                 let first = (dx + R) as usize;
-                for c in 0..channels {
-                    sum[c] += weight * (f32x16::from_slice(simd, &colours[c][first..first + BLOCK]) - own_colour[c]);
+                let at = |c: usize| f32x16::from_slice(simd, &colours[c][first..first + BLOCK]);
+                for c in 0..3 {
+                    let filtered = at(c);
+                    sum[c] += weight * ((filtered + raw * (at(3 + c) - filtered)) - own_colour[c]);
+                }
+                if channels == 4 {
+                    sum[3] += weight * (at(6) - own_colour[3]);
                 }
                 sum[4] += weight;
             }
@@ -488,6 +511,7 @@ struct Lanes {
     parts: [[[f32; BLOCK]; PARTS]; 2],
     offset: [[f32; BLOCK]; 2],
     away: [f32; BLOCK],
+    raw: [f32; BLOCK],
 }
 
 /// Where sixteen pixels lie in another frame.
@@ -556,25 +580,30 @@ pub(crate) fn training_taps(joint: &Joint<'_>, chosen: &[(usize, usize)]) -> (Ve
         let (x, y) = chosen[i];
         let scale = joint.noise.inverse(x, y);
         let mut taps = out.chunks_exact_mut(TRAINING_CHANNELS);
-        let mut write = |colour: Rgb, parts: [f32; PARTS], offset: f32, away: f32| {
-            let colour = colour.map(|v| v * scale);
+        let mut write = |[colour, input]: [Rgb; 2], parts: [f32; PARTS], offset: f32, away: f32| {
+            let colour = colour.into_iter().chain(input).map(|v| v * scale);
             let [near, wide, rest @ ..] = parts;
             let parts = [near * scale * scale, wide * scale * scale].into_iter().chain(rest);
-            for (out, v) in taps.next().into_iter().flatten().zip(colour.into_iter().chain(parts).chain([offset, away]))
-            {
+            for (out, v) in taps.next().into_iter().flatten().zip(colour.chain(parts).chain([offset, away])) {
                 *out = half::f16::from_f32(v.clamp(-6e4, 6e4));
             }
         };
-        write(joint.window[joint.centre].picture.at(x, y), [0.0; super::PARTS], 0.0, 0.5);
+        let here = &joint.window[joint.centre];
+        write([here.picture.at(x, y), here.input.at(x, y)], [0.0; super::PARTS], 0.0, 0.5);
         joint.taps(x, y, &mut |own: &Signature, tap: Tap| {
-            let colour = joint.window[tap.frame].picture.data()[tap.pixel];
-            write(colour, super::parts(own, &tap.signature), tap.offset, 1.0 + tap.away as f32);
+            let frame = &joint.window[tap.frame];
+            write(
+                [frame.picture.data()[tap.pixel], frame.input.data()[tap.pixel]],
+                super::parts(own, &tap.signature),
+                tap.offset,
+                1.0 + tap.away as f32,
+            );
         });
     });
     (out, chosen.iter().map(|(x, y)| joint.noise.inverse(*x, *y)).collect())
 }
 
-/// Of a tap, the pixel itself first: colour over brightness, squared differences of the signature's parts (the first two over the
+/// Of a tap, the pixel itself first: colour and the input's over brightness, squared differences of the signature's parts (the first two over the
 /// squared brightness), squared distance, and 1 + frames between (0.5: the pixel itself; 0: no tap).
 #[cfg(feature = "internals")]
-pub(crate) const TRAINING_CHANNELS: usize = 3 + PARTS + 2;
+pub(crate) const TRAINING_CHANNELS: usize = 6 + PARTS + 2;

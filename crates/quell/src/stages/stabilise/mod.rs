@@ -5,9 +5,10 @@
 //! | reads | filtered pictures, the same as they came, and coverage of the frames around, their depth, motion, and what mirrors show |
 //! | writes | the steadier picture, and its coverage |
 //! | reach | `stabilise.frames` frames before and after; 10 pixels in a frame: the windows of the statistics that the net reads, as in `blend`; 2 rows where motion is rounded |
-//! | equation | out_p = sum_q w_q c_q / sum_q w_q; log2 w_q = -(sum_i b_i \|f_i(p) - f_i(q)\|^2 + b_d d^2 + b_t (t - 1)); w_p = 1 |
+//! | equation | out_p = sum_q w_q (c_q + g i_q - g c_q) / sum_q w_q; log2 w_q = -(sum_i b_i \|f_i(p) - f_i(q)\|^2 + b_d d^2 + b_t (t - 1)); w_p = 1 |
 //! | q | 5x5 pixels of the frame, 3x3 of each of the others around the place where the motion of what is in front leads (d: distance from it, t: frames between) |
-//! | f | `Signature`; b: `Bandwidths`, of the net |
+//! | c, i | the filtered picture and the same as it came; g: share of the latter, near 0 where samples are few |
+//! | f | `Signature`; b, g: `Bandwidths`, of two nets |
 //! | source | bandwidths of a cross-bilateral filter from a net on local statistics: Kalantari et al. 2015; over time, with statistics of the noise: ours, `docs/sequence.md` |
 //! | parameters | `stabilise.*`, `gather.travel`, `gather.future` |
 //!
@@ -33,6 +34,7 @@ pub(crate) mod joint;
 #[cfg(feature = "cpu")]
 pub(crate) mod likeness;
 pub mod reference;
+mod share;
 mod weights;
 
 use crate::frame::Rgb;
@@ -82,8 +84,9 @@ impl<'a> From<&StabiliseFrame<'a>> for BlendFrame<'a> {
 
 /// Squared difference of the tone-mapped colours that mirrors or glass show around two pixels.
 #[inline(always)]
-pub(crate) fn seen_difference(here: &Features, p: usize, other: &Features, q: usize) -> f32 {
-    let (Some(a), Some(b)) = (&here.seen_around, &other.seen_around) else { return 0.0 };
+pub(crate) fn seen_difference<'a>(here: &'a Features, p: usize, other: &'a Features, q: usize) -> f32 {
+    let of = |features: &'a Features| features.albedo_around.as_ref().filter(|_| features.has_seen[0]);
+    let (Some(a), Some(b)) = (of(here), of(other)) else { return 0.0 };
     let (a, b) = (a.at(0, p), b.at(0, q));
     (0..3).map(|c| (a[c] - b[c]).powi(2)).sum()
 }
@@ -123,10 +126,10 @@ pub(crate) fn normal_at(features: &Features, p: usize) -> [f32; 3] {
     }
 }
 
-/// The mean over 3x3 of the albedo seen there, tone-mapped; 0 where it is unknown.
+/// The mean over 3x3 of the albedo seen there (without one: of the surface), tone-mapped; 0 where it is unknown.
 #[inline(always)]
 pub(crate) fn albedo_around(features: &Features, p: usize) -> Rgb {
-    features.seen_around.as_ref().map_or([0.0; 3], |seen| seen.at(0, p))
+    features.albedo_around.as_ref().map_or([0.0; 3], |albedo| albedo.at(0, p))
 }
 
 /// Squared differences, part by part.
@@ -144,9 +147,11 @@ pub(crate) struct Bandwidths {
     parts: [[f32; PARTS]; 2],
     offset: [f32; 2],
     away: f32,
+    /// Share of the input in the colours that are averaged, 0..1.
+    raw: f32,
 }
 
-/// The bandwidths that the net gives a pixel.
+/// The bandwidths that one net gives a pixel, and the share of the input, of another.
 #[inline(always)]
 pub(crate) fn bandwidths((pooled, inverse): &(Pooled, f32)) -> Bandwidths {
     let inputs = pooled.inputs();
@@ -159,6 +164,8 @@ pub(crate) fn bandwidths((pooled, inverse): &(Pooled, f32)) -> Bandwidths {
     for z in &mut z {
         *z = exp2(z.clamp(-MOST, MOST));
     }
+    let [share] = share::NET.run(&read);
+    let share = exp2(share.clamp(-MOST, MOST));
     let deviation = |relative: f32| inverse * inverse / (relative + LEAST_DEVIATION);
     let (fine, noise) = (deviation(pooled.detail[1]), deviation(pooled.noise(1)));
     let mut parts = [[0.0; PARTS]; 2];
@@ -166,13 +173,19 @@ pub(crate) fn bandwidths((pooled, inverse): &(Pooled, f32)) -> Bandwidths {
         let z = &z[group * (PARTS + 1)..];
         *parts = [z[0] * fine, z[1] * noise, z[2], z[3]];
     }
-    Bandwidths { parts, offset: [z[PARTS], z[2 * PARTS + 1]], away: z[2 * PARTS + 2] }
+    Bandwidths { parts, offset: [z[PARTS], z[2 * PARTS + 1]], away: z[2 * PARTS + 2], raw: share / (1.0 + share) }
 }
 
 /// Which of [`blend`](crate::stages::blend)'s statistics the net reads: those that do not ask for a stabilised picture.
 const READ: [usize; 11] = [0, 1, 2, 3, 4, 7, 11, 12, 14, 15, 16];
 /// What the net gives: a bandwidth for every part and the distance, twice, and one for frames between.
 const OUTPUTS: usize = 2 * (PARTS + 1) + 1;
+
+/// What a tap brings.
+#[inline(always)]
+pub(crate) fn mixed(filtered: Rgb, input: Rgb, raw: f32) -> Rgb {
+    [0, 1, 2].map(|c| filtered[c] + raw * (input[c] - filtered[c]))
+}
 
 /// Sum of squared differences times the bandwidth of their part, in a fixed order.
 #[inline(always)]

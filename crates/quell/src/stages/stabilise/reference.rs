@@ -2,7 +2,7 @@
 
 use super::{
     INPUT, LEAST_NOISE, Likeness, POOL, SIGNATURE, StabiliseFrame, TAPS_AROUND, TAPS_IN_TIME, WIDE, albedo_around,
-    bandwidths, normal_at, seen_difference, signature_at, tap_weight,
+    bandwidths, mixed, normal_at, seen_difference, signature_at, tap_weight,
 };
 use crate::frame::Rgb;
 use crate::kernels::guide_distance::weight;
@@ -90,8 +90,9 @@ fn joint(
                 let itself = frame == centre && q == y * w + x;
                 let tap = (&signature_at(signatures, qx as usize, here_row), offset, away);
                 let weight = if itself { 1.0 } else { f64::from(tap_weight(&bandwidths, &own, tap)) };
+                let colour = mixed(other.picture.data()[q], other.input.data()[q], bandwidths.raw);
                 for c in 0..3 {
-                    sum[c] += weight * f64::from(other.picture.data()[q][c]);
+                    sum[c] += weight * f64::from(colour[c]);
                 }
                 sum[3] += weight * other.alpha.map_or(0.0, |alpha| f64::from(alpha.data()[q]));
                 total += weight;
