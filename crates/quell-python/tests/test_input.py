@@ -269,7 +269,7 @@ class Bad(unittest.TestCase):
             self.assertEqual(quell.doctor(noisy)["frames_found"], [1, 2, 3, 4])
 
     def test_files_that_are_not_there(self):
-        with self.assertRaisesRegex(quell.InputError, "there is no such file"):
+        with self.assertRaisesRegex(quell.InputError, "no file has this name"):
             quell.denoise_files("nowhere.####.exr", "out")
         with self.assertRaisesRegex(quell.InputError, "existing: `maybe`"):
             quell.denoise_files(".", "out", existing="maybe")

@@ -84,7 +84,7 @@ pub fn find_sequence(inputs: &[PathBuf]) -> Result<Sequence, Error> {
         let before = files.len();
         files.extend(names::expand(input)?);
         if files.len() == before {
-            let what = if input.is_dir() { "this folder holds no .exr files" } else { "there is no such file" };
+            let what = if input.is_dir() { "this folder holds no .exr files" } else { "no file has this name" };
             return Err(Error::invalid(input, what));
         }
     }
