@@ -35,6 +35,7 @@ RUNS = {
             "variance": "quell::cpu::passes::variance::run",
             "wavelet": "quell::cpu::passes::wavelet::run",
             "residual": "quell::stages::residual::cpu::run",
+            "residual: picture": "quell::stages::residual::cpu::picture",
             "recombine: sum": "quell::stages::recombine::cpu::sum",
             "stabilise: signature": "quell::stages::stabilise::joint::signature",
             "stabilise": "quell::cpu::passes::stabilise::run",

@@ -12,6 +12,7 @@ pub(crate) static STAGES: SequenceStages = SequenceStages {
     variance: passes::variance::run,
     wavelet: passes::wavelet::run,
     residual: residual::cpu::run,
+    picture_residual: residual::cpu::picture,
     sum: recombine::cpu::sum,
     input: recombine::cpu::input,
     likeness: stabilise::likeness::run,

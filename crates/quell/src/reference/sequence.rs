@@ -13,6 +13,7 @@ pub(crate) static STAGES: SequenceStages = SequenceStages {
     variance: variance::reference::run,
     wavelet: wavelet::reference::run,
     residual: residual::reference::run,
+    picture_residual: residual::reference::picture,
     sum: recombine::reference::sum,
     input: recombine::reference::input,
     likeness: stabilise::reference::likeness,

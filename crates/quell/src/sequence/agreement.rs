@@ -255,6 +255,11 @@ fn every_stage_agrees_with_its_reference() {
     }
 
     let (steady, _) = (stages_of(Backend::Cpu).stabilise)(&shown, 2, &s.gather, &s.stabilise);
+    check("residual", |stages| {
+        let corrected = (stages.picture_residual)(5, &raw[2], steady.clone(), &s.residual);
+        assert!(corrected != steady, "it corrects something here");
+        vec![colours("corrected picture", &corrected)]
+    });
     let shown: Vec<_> = (members.iter().zip(&raw).zip(&pictures))
         .map(|((f, input), picture)| BlendFrame { features: &f.features, input, picture })
         .collect();

@@ -9,7 +9,7 @@ use crate::stages::{
     blend, feature_noise, gather, recombine, reflection_motion, residual, stabilise, variance, wavelet,
 };
 
-/// One stage of the sequence filter; its folder in `stages/` has its name, but for the two halves of `recombine`.
+/// One stage of the sequence filter; its folder in `stages/` has its name, but for `recombine` and `residual`, which run twice.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum SequenceStage {
     /// `reflection_motion`, for a pair of neighbouring frames, before all others.
@@ -22,12 +22,14 @@ pub enum SequenceStage {
     Variance,
     /// `wavelet`.
     Wavelet,
-    /// `residual`.
+    /// `residual`: of the filtered light.
     Residual,
     /// `recombine`: light * weight, added up.
     Sum,
     /// `stabilise`.
     Stabilise,
+    /// `residual`: of the stabilised picture.
+    PictureResidual,
     /// `blend`.
     Blend,
     /// `recombine`: passes of the blended picture.
@@ -36,7 +38,7 @@ pub enum SequenceStage {
 
 impl SequenceStage {
     /// All stages in order.
-    pub const ALL: [Self; 10] = [
+    pub const ALL: [Self; 11] = [
         Self::ReflectionMotion,
         Self::Gather,
         Self::FeatureNoise,
@@ -45,6 +47,7 @@ impl SequenceStage {
         Self::Residual,
         Self::Sum,
         Self::Stabilise,
+        Self::PictureResidual,
         Self::Blend,
         Self::Rescale,
     ];
@@ -58,6 +61,7 @@ impl SequenceStage {
             Self::Variance => "variance",
             Self::Wavelet => "wavelet",
             Self::Residual => "residual",
+            Self::PictureResidual => "residual: picture",
             Self::Sum => "recombine: sum",
             Self::Stabilise => "stabilise",
             Self::Blend => "blend",
@@ -74,6 +78,7 @@ impl SequenceStage {
             Self::Variance => &["means", "moments", "local features", "given variance"],
             Self::Wavelet => &["means", "variance", "local features"],
             Self::Residual => &["light", "filtered light"],
+            Self::PictureResidual => &["input", "steadier picture"],
             Self::Sum => &["light", "filtered light", "weights"],
             Self::Stabilise => {
                 &["pictures around", "coverage around", "features around", "motion", "reflection motion"]
@@ -101,6 +106,7 @@ impl SequenceStage {
             Self::Wavelet | Self::Residual => &["filtered light"],
             Self::Sum => &["picture", "input"],
             Self::Stabilise => &["steadier picture", "coverage"],
+            Self::PictureResidual => &["steadier picture"],
             Self::Blend => &["shares", "expected error"],
             Self::Rescale => &["passes"],
         }
@@ -114,7 +120,8 @@ impl SequenceStage {
             Self::FeatureNoise => feature_noise::reach(),
             Self::Variance => variance::reach(&s.variance),
             Self::Wavelet => wavelet::reach(&s.wavelet),
-            Self::Residual => residual::reach(),
+            Self::Residual => residual::reach(&residual::LEVELS),
+            Self::PictureResidual => residual::reach(&residual::PICTURE_LEVELS),
             Self::Sum | Self::Rescale => recombine::reach(),
             Self::Stabilise => stabilise::reach(&s.stabilise),
             Self::Blend => blend::reach(),
@@ -126,6 +133,7 @@ impl SequenceStage {
             Self::ReflectionMotion => s.gather.frames > 0 || s.stabilise.frames > 0,
             Self::Stabilise => s.stabilise.frames > 0,
             Self::Residual => s.residual.correct,
+            Self::PictureResidual => s.stabilise.frames > 0 && s.residual.correct && s.residual.picture,
             Self::Blend => s.blend.choose,
             _ => true,
         }
@@ -212,8 +220,9 @@ mod tests {
         let mut s = SequenceSettings::default();
         let plan = SequencePlan::new(&s);
         assert_eq!(plan.frames(), 11);
-        // Five levels: 2 * 31 + 5; variance 2, feature noise 2, the windows of stabilise and blend: 10 each, the net of blend: 20; residual 56; two footprints of 2.
-        assert_eq!(plan.rows(0.0, 100.0), 67 + 2 + 2 + 10 + 10 + 20 + 56 + 2 * 2);
+        // Five levels: 2 * 31 + 5; variance 2, feature noise 2, the windows of stabilise and blend: 10 each, the net of blend: 20; residual 56, and 40; two
+        // footprints of 2.
+        assert_eq!(plan.rows(0.0, 100.0), 67 + 2 + 2 + 10 + 10 + 20 + 56 + 40 + 2 * 2);
         assert_eq!(plan.rows(1.5, 100.0), plan.rows(0.0, 100.0) + 12 + 5);
         assert_eq!(plan.rows(1000.0, 30.0), plan.rows(0.0, 100.0) + 30 + 30);
         s.stabilise.frames = 0;

@@ -38,6 +38,7 @@ pub(crate) struct SequenceStages {
     pub sum: fn(&PreparedFrame, &[LightSlot], &Rows) -> Plane<Rgb>,
     pub input: fn(&PreparedFrame, &[LightSlot], &Rows) -> Plane<Rgb>,
     pub likeness: fn(&Plane<Rgb>, &Plane<Rgb>, &Stabilise) -> Likeness,
+    pub picture_residual: fn(usize, &Plane<Rgb>, Plane<Rgb>, &settings::Residual) -> Plane<Rgb>,
     pub signature: fn(&Features, &Plane<Rgb>) -> Rows,
     pub stabilise: fn(&[StabiliseFrame<'_>], usize, &Gather, &Stabilise) -> SteadyPicture,
     pub blend: BlendStage,
@@ -241,6 +242,12 @@ pub(crate) fn finish(
                 let (picture, alpha) = (stages.stabilise)(&stabilise_window(frames), centre, &s.gather, &s.stabilise);
                 (steady, finished.alpha) = (Some(picture), alpha);
             }
+            SequenceStage::PictureResidual => {
+                let correct = |picture| {
+                    (stages.picture_residual)(frame.features.first_row, &estimate.input, picture, &s.residual)
+                };
+                steady = steady.take().map(correct);
+            }
             SequenceStage::Blend => {
                 let after = steady.as_ref().unwrap_or(&estimate.picture);
                 let blend = (stages.blend)(&blend_window(frames), centre, after, (&s.gather, &s.stabilise), &s.blend);
@@ -313,7 +320,10 @@ pub(crate) fn blend_view(
 ) -> BlendView {
     let (frame, estimate) = frames[centre];
     let around = stabilise_window(frames);
-    let (steady, _) = (stages.stabilise)(&around, centre, &s.gather, &s.stabilise);
+    let (mut steady, _) = (stages.stabilise)(&around, centre, &s.gather, &s.stabilise);
+    if s.residual.correct && s.residual.picture {
+        steady = (stages.picture_residual)(frame.features.first_row, &estimate.input, steady, &s.residual);
+    }
     let window = blend_window(frames);
     let of =
         |steady: &Plane<Rgb>| crate::stages::blend::cpu::inputs(&window, centre, steady, (&s.gather, &s.stabilise));

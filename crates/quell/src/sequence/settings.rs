@@ -158,11 +158,15 @@ parameters! {
     residual: Residual {
         correct: bool = true, (), "", "Low-frequency bias of the light is corrected by the residual of the frame's own samples.",
             higher "A lamp that is switched neither comes early nor leaves late.", lower "Frames around leave their light.", source "ours: docs/sequence.md; shrinkage: James and Stein 1961";
-        noise: f32 = 0.1, 0.0..=16.0, "of the light", "Deviation of the frame's samples from the filtered light at which half is corrected: with less noise the other stages detect changes of light themselves.",
+        noise: f32 = 0.03, 0.0..=16.0, "of the light", "Deviation of the frame's samples from the filtered light at which half is corrected: with less noise the other stages detect changes of light themselves.",
             higher "Only strong noise is corrected.", lower "Shapes that the filter missed are corrected, and leak into their surroundings.", source "ours: docs/sequence.md";
         most: f32 = 2.0, 1.0..=100.0, "times", "A level changes light by at most this factor, up or down.",
             higher "Light that is far too bright or too dark is corrected at once.", lower "1: nothing is corrected.", source "ours";
-        sure: f32 = 6.0, 0.0..=1000.0, "times its variance", "The squared residual below which nothing is corrected.",
+        sure: f32 = 4.0, 0.0..=1000.0, "times its variance", "The squared residual below which nothing is corrected.",
+            higher "Less is corrected.", lower "Low frequencies of the frame's noise come back.", source "ours: docs/sequence.md";
+        picture: bool = true, (), "", "The stabilised picture is corrected in the same way.",
+            higher "Lamps that switch and shadows that move leave nothing in the frames around.", lower "A little steadier, with some of the light of the frames around.", source "ours: docs/sequence.md";
+        picture_sure: f32 = 4.0, 0.0..=1000.0, "times its variance", "The squared residual of the stabilised picture below which nothing is corrected.",
             higher "Less is corrected.", lower "Low frequencies of the frame's noise come back.", source "ours: docs/sequence.md";
     }
     /// Each picture averaged with its neighbours in time, and with the pixels around that show the same.

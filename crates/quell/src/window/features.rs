@@ -161,6 +161,11 @@ impl Features {
         }
     }
 
+    /// [`Features::albedo_around`] where it is the albedo seen in mirrors and through glass.
+    pub(crate) fn seen_albedo_around(&self) -> Option<&Packed> {
+        self.albedo_around.as_ref().filter(|_| self.has_seen[0])
+    }
+
     /// [`Self::is_mirror`] of every pixel, a bit each: for loops that ask often. Empty where no pixel is one.
     #[cfg(feature = "cpu")]
     pub(crate) fn mirror_bits(&self) -> Vec<u64> {

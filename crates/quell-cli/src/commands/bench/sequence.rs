@@ -275,6 +275,7 @@ fn bytes_per_pixel(stage: &str, around: usize, levels: usize) -> Option<usize> {
         "wavelet" => levels * (2 * 16 * PLANES + local),
         // Each of three levels reads light as it came and filtered, and writes the latter.
         "residual" => 3 * (6 + 12 + 12) * PLANES,
+        "residual: picture" => 3 * (12 + 12 + 12),
         "recombine: sum" => 12 * PLANES + 6 * PLANES + 18 + 24,
         "stabilise: signature" => 12 + seen + 24,
         "stabilise" => 7 * (12 + 24 + motion + 4) + 12,

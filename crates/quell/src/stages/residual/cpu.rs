@@ -1,12 +1,14 @@
 //! The residual's means over cells, row by row on all threads: the fast twin of [`super::reference`].
 
-use super::{LEAST, LEVELS, between, cells, change, squares, triangle};
+use super::{LEAST, LEVELS, PICTURE_LEVELS, Trust, between, cells, holding, squares, triangle};
+use crate::frame::Rgb;
 use crate::par;
-use crate::plane::Size;
+use crate::plane::{Plane, Size};
 use crate::sequence::settings::Residual;
 use crate::simd::widest;
 use crate::stages::recombine::raw;
 use crate::window::{LightSlot, PreparedFrame, Rows, Samples};
+use std::ops::Range;
 
 /// As [`super::reference::run`].
 pub(crate) fn run(frame: &PreparedFrame, slots: &[LightSlot], mut colours: Rows, s: &Residual) -> Rows {
@@ -16,20 +18,51 @@ pub(crate) fn run(frame: &PreparedFrame, slots: &[LightSlot], mut colours: Rows,
     for slot in slots.iter().filter(noisy) {
         let mut own = Rows::new(size, 3);
         par::rows(own.data_mut(), 3 * w, |y, row| widest!(own_row(frame, slot, y, row)));
-        for (cell, radius) in LEVELS {
-            let level = Level {
-                first: frame.features.first_row,
-                cell,
-                kernel: triangle(radius),
-                sure: s.sure,
-                noise: s.noise,
-                change: change(s),
-            };
-            let changes = level.changes(&own, &colours, slot);
-            level.apply(&own, &mut colours, slot, &changes);
-        }
+        let planes = slot.first..slot.first + slot.planes;
+        correct(&LEVELS, frame.features.first_row, &own, (&mut colours, planes), Trust::of_lights(s));
     }
     colours
+}
+
+/// As [`super::reference::picture`].
+pub(crate) fn picture(first: usize, input: &Plane<Rgb>, mut picture: Plane<Rgb>, s: &Residual) -> Plane<Rgb> {
+    let w = picture.size().width;
+    let rows = |plane: &Plane<Rgb>| {
+        let mut rows = Rows::new(plane.size(), 3);
+        par::rows(rows.data_mut(), 3 * w, |y, row| {
+            let [red, green, blue] = three_parts(row, w);
+            let colours = red.iter_mut().zip(green).zip(blue);
+            for (((red, green), blue), colour) in colours.zip(&plane.data()[y * w..]) {
+                [*red, *green, *blue] = *colour;
+            }
+        });
+        rows
+    };
+    let mut corrected = rows(&picture);
+    correct(&PICTURE_LEVELS, first, &rows(input), (&mut corrected, 0..1), Trust::of_picture(s));
+    par::rows(picture.data_mut(), w, |y, row| {
+        for (x, out) in row.iter_mut().enumerate() {
+            *out = corrected.colour(x, y, 0);
+        }
+    });
+    picture
+}
+
+/// All levels of one light, of which the first of `planes` is compared with `own`.
+fn correct(
+    levels: &[(usize, usize)],
+    first: usize,
+    own: &Rows,
+    (colours, planes): (&mut Rows, Range<usize>),
+    trust: Trust,
+) {
+    let mut noise = None;
+    for &(cell, radius) in levels {
+        let level = Level { first, cell, kernel: triangle(radius), trust };
+        let sums = level.sums(own, (colours, planes.start));
+        let noise = noise.get_or_insert_with(|| level.noise_around(&sums));
+        level.apply(own, colours, &planes, &level.changes(&sums, noise));
+    }
 }
 
 /// A row of the light as it came.
@@ -61,51 +94,96 @@ struct Level {
     first: usize,
     cell: usize,
     kernel: Vec<f32>,
-    sure: f32,
-    noise: f32,
-    change: [f32; 2],
+    trust: Trust,
 }
 
 impl Level {
-    /// What each cell is multiplied by, less 1: three channels.
-    fn changes(&self, own: &Rows, colours: &Rows, slot: &LightSlot) -> Rows {
+    /// [`SUMS`] of each cell.
+    fn sums(&self, own: &Rows, (colours, plane): (&Rows, usize)) -> Rows {
         let Size { width: w, height: h } = own.size();
         let (cell, first) = (self.cell, self.first % self.cell);
         let size = Size::new(cells(0, w, cell), cells(self.first, h, cell));
         let mut sums = Rows::new(size, SUMS);
         par::rows(sums.data_mut(), SUMS * size.width, |v, out| {
             let rows = (v * cell).saturating_sub(first)..((v + 1) * cell - first).min(h);
-            widest!(self.sums_row(own, colours, slot, rows.clone(), out));
+            widest!(self.sums_row(own, (colours, plane), rows.clone(), out));
         });
-        let mut across = Rows::new(size, SUMS);
-        par::rows(across.data_mut(), SUMS * size.width, |v, out| {
+        sums
+    }
+
+    /// Every channel smoothed by the triangle over both axes.
+    fn smoothed(&self, sums: &Rows) -> Rows {
+        let (size, channels) = (sums.size(), sums.channels());
+        let mut across = Rows::new(size, channels);
+        par::rows(across.data_mut(), channels * size.width, |v, out| {
             for (c, out) in out.chunks_exact_mut(size.width).enumerate() {
                 widest!(smooth_across(sums.row(v, c), &self.kernel, out));
             }
         });
-        let mut changes = Rows::new(size, 3);
-        par::rows(changes.data_mut(), 3 * size.width, |v, out| {
-            let mut smooth = vec![0.0f32; SUMS * size.width];
+        let mut smooth = Rows::new(size, channels);
+        par::rows(smooth.data_mut(), channels * size.width, |v, out| {
             let reach = self.kernel.len() - 1;
             for u in v.saturating_sub(reach)..(v + reach + 1).min(size.height) {
                 let k = self.kernel[u.abs_diff(v)];
-                for (c, sums) in smooth.chunks_exact_mut(size.width).enumerate() {
+                for (c, sums) in out.chunks_exact_mut(size.width).enumerate() {
                     sums.iter_mut().zip(across.row(u, c)).for_each(|(sum, value)| *sum += k * value);
                 }
             }
-            widest!(self.changes_row(&smooth, out));
+        });
+        smooth
+    }
+
+    /// Mean over the triangle of the cells' own squared relative noise.
+    fn noise_around(&self, sums: &Rows) -> Rows {
+        let size = sums.size();
+        let mut own = Rows::new(size, 1);
+        par::rows(own.data_mut(), size.width, |v, out| widest!(self.noise_row(sums, v, out)));
+        let mut noise = self.smoothed(&own);
+        // Of the triangle the part that lies within the image.
+        let part = |at: usize, limit: usize| -> f32 {
+            let reach = self.kernel.len() - 1;
+            (at.saturating_sub(reach)..(at + reach + 1).min(limit)).map(|u| self.kernel[u.abs_diff(at)]).sum()
+        };
+        let columns: Vec<_> = (0..size.width).map(|x| part(x, size.width)).collect();
+        par::rows(noise.data_mut(), size.width, |v, row| {
+            let rows = part(v, size.height);
+            row.iter_mut().zip(&columns).for_each(|(noise, columns)| *noise /= rows * columns);
+        });
+        noise
+    }
+
+    /// Of each cell of a row the squared relative noise of a pixel, summed over the channels.
+    #[inline(always)]
+    fn noise_row(&self, sums: &Rows, v: usize, out: &mut [f32]) {
+        let pixels = (self.cell * self.cell) as f32;
+        for c in 0..3 {
+            let (light, squared) = (sums.row(v, 3 * c), sums.row(v, 3 * c + 2));
+            for (out, (light, squared)) in out.iter_mut().zip(light.iter().zip(squared)) {
+                let light = light + LEAST;
+                *out += pixels * squared / (light * light);
+            }
+        }
+    }
+
+    /// What each cell is multiplied by, less 1: three channels. `noise`: of the coarsest level's cells.
+    fn changes(&self, sums: &Rows, noise: &Rows) -> Rows {
+        let (smooth, size) = (self.smoothed(sums), sums.size());
+        let mut changes = Rows::new(size, 3);
+        par::rows(changes.data_mut(), 3 * size.width, |v, out| {
+            let around = noise.row(holding(self.first, v, self.cell), 0);
+            widest!(self.changes_row((&smooth, v), around, out));
         });
         changes
     }
 
     /// Sums of a row of cells, which hold `rows` of pixels.
     #[inline(always)]
-    fn sums_row(&self, own: &Rows, colours: &Rows, slot: &LightSlot, rows: std::ops::Range<usize>, out: &mut [f32]) {
+    fn sums_row(&self, own: &Rows, (colours, plane): (&Rows, usize), rows: Range<usize>, out: &mut [f32]) {
         let (w, cell) = (own.size().width, self.cell);
         let across = w.div_ceil(cell);
         let mut residuals = vec![0.0f32; 2 * w];
         for (y, c) in rows.flat_map(|y| (0..3).map(move |c| (y, c))) {
-            let (filtered, own) = (colours.row(y, 3 * slot.first + c), own.row(y, c));
+            let (filtered, own) = (colours.row(y, 3 * plane + c), own.row(y, c));
             let (residual, squared) = residuals.split_at_mut(w);
             for x in 0..w {
                 residual[x] = own[x] - filtered[x];
@@ -128,40 +206,37 @@ impl Level {
 
     /// Shrunk ratios of a row of cells.
     #[inline(always)]
-    fn changes_row(&self, smooth: &[f32], out: &mut [f32]) {
-        let w = smooth.len() / SUMS;
-        let (squares, pixels) = (squares(&self.kernel), (self.cell * self.cell) as f32);
+    fn changes_row(&self, (smooth, v): (&Rows, usize), around: &[f32], out: &mut [f32]) {
+        let w = smooth.size().width;
+        let share_of_pixel = squares(&self.kernel) / (self.cell * self.cell) as f32;
+        let mut noise = vec![0.0f32; w];
+        self.noise_row(smooth, v, &mut noise);
+        let [red, green, blue] = [0, 1, 2].map(|c| (smooth.row(v, 3 * c), smooth.row(v, 3 * c + 1)));
         for x in 0..w {
-            let at = |c: usize, k: usize| smooth[(3 * c + k) * w + x];
-            let (mut size, mut variance, mut noise) = (0.0f32, 0.0f32, 0.0f32);
-            let mut ratio = [0.0f32; 3];
-            for c in 0..3 {
-                let light = at(c, 0) + LEAST;
-                ratio[c] = at(c, 1) / light;
-                size += ratio[c] * ratio[c];
-                variance += squares * at(c, 2) / (light * light);
-                noise += pixels * at(c, 2) / (light * light) / 3.0;
-            }
-            let doubt = self.sure * variance;
+            let ratio = [red, green, blue].map(|(light, residual)| residual[x] / (light[x] + LEAST));
+            let squared = noise[x].max(around[holding(0, x, self.cell)]);
+            let size: f32 = ratio.iter().map(|r| r * r).sum();
+            let doubt = self.trust.sure * share_of_pixel * squared;
             // NaN, of infinities, is no agreement.
             let kept = if doubt < size { 1.0 - doubt / size } else { 0.0 };
-            let share = if noise.is_finite() { noise / (noise + self.noise * self.noise + LEAST) } else { 0.0 };
+            let most = squared + 3.0 * (self.trust.noise + LEAST);
+            let share = if squared.is_finite() { squared / most } else { 0.0 };
             let kept = kept * share;
-            for c in 0..3 {
-                out[c * w + x] = (ratio[c] * kept).max(self.change[0]).min(self.change[1]);
+            for (c, ratio) in ratio.into_iter().enumerate() {
+                out[c * w + x] = (ratio * kept).max(self.trust.change[0]).min(self.trust.change[1]);
             }
         }
     }
 
     /// Multiplies a light's planes.
-    fn apply(&self, own: &Rows, colours: &mut Rows, slot: &LightSlot, changes: &Rows) {
+    fn apply(&self, own: &Rows, colours: &mut Rows, planes: &Range<usize>, changes: &Rows) {
         let w = own.size().width;
         let (across, down) = (changes.size().width, changes.size().height);
         let columns: Vec<_> = (0..w).map(|x| between(0, x, self.cell, across)).collect();
         let channels = colours.channels();
         par::rows(colours.data_mut(), channels * w, |y, out| {
             let rows = between(self.first, y, self.cell, down);
-            let out = &mut out[3 * slot.first * w..][..3 * slot.planes * w];
+            let out = &mut out[3 * planes.start * w..3 * planes.end * w];
             widest!(self.apply_row((own, y), changes, (&columns, rows), out));
         });
     }

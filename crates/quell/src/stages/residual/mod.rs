@@ -1,21 +1,28 @@
-//! Sequence filter: what the filtered light misses of the frame's own samples, smoothed, is given back.
+//! Sequence filter: what the filtered light, and later the stabilised picture, misses of the frame's own samples,
+//! smoothed, is given back.
 //!
 //! | | |
 //! |---|---|
-//! | reads | light as it came (I) and filtered (O) |
-//! | writes | the filtered light, corrected |
-//! | reach | 56 pixels: of three levels a triangle of 6, 6 and 2 cells of 4, 2 and 2 pixels, a cell and the interpolation between cells |
+//! | reads | light as it came (I) and filtered (O); input (I) and stabilised picture (O) |
+//! | writes | the filtered light, corrected; the stabilised picture, corrected |
+//! | reach | light 56 pixels: of three levels a triangle of 6, 6 and 2 cells of 4, 2 and 2 pixels, a cell and the interpolation between cells; picture 40, without the second level |
 //! | equation | O' = O (1 + R s), R = sum k (I - O) / sum k O; k: triangle over cells, then bilinear between cells |
-//! | s | n / (n + `residual.noise`^2) max(0, 1 - `residual.sure` V / \|R\|^2), n = mean over the channels of sum k (I - O)^2 / (sum k O)^2, k of sum 1, V = sum_c of sum k^2 (I - O)^2 / (sum k O)^2: shrinkage by James and Stein (1961), one for the three channels |
+//! | s | n / (n + `residual.noise`^2) max(0, 1 - `residual.sure` V / \|R\|^2); n = N / 3 and V = N sum k^2 with N = sum_c sum k (I - O)^2 / (sum k O)^2, k of sum 1, but at least the mean by k of the cells' own (I - O)^2 / O^2 in the coarsest level: shrinkage by James and Stein (1961), one for the three channels. Of the picture: `residual.picture_sure`, noise 0 |
 //! | source | the residual of the frame's own samples: ours, `docs/sequence.md` |
 //! | parameters | `residual.*` |
 //!
-//! Neighbours in time bring light of other times: a lamp that was switched, a headlight that comes nearer. Where that changes slowly
-//! over the picture no test of single samples finds it among their noise, but the mean of the residual I - O over many pixels does. It is an
-//! independent judge: the frame's own samples are few among those that made O. It is taken as a ratio, so that textures and edges stay, from coarse to fine
-//! windows, and only as far as it is larger than its own noise, and where the
-//! samples have noise: of light without it every stage sees itself that it changed, and what a residual then holds is shape. Sums are not weighted by the brightness: O holds noise of I, and weights that
-//! fall with it lose energy (8 % of a night at 4 samples). A light's joint planes are scaled with it. A pixel that came out as it went in stays.
+//! Neighbours in time bring light of other times: a lamp that was switched, a headlight that comes nearer. Where that
+//! changes slowly over the picture no test of single samples finds it among their noise, but the mean of the residual
+//! (I - O) over many pixels does. It is an independent judge: the frame's own samples are few among those that made O.
+//! It is taken as a ratio, so that textures and edges stay, from coarse to fine windows, and only as far as it is
+//! larger than its own noise. Small windows take the noise around into account: one which by chance has none of the
+//! rare bright samples is too dark and looks certain. Light is corrected only where the samples have noise: of light
+//! without it every stage sees itself that it changed, and what a residual then holds is shape. Sums are not weighted
+//! by the brightness: O holds noise of I, and weights that fall with it lose energy (8 % of a night at 4 samples). A
+//! light's joint planes are scaled with it. A pixel that came out as it went in stays.
+//!
+//! `stabilise` averages pictures of neighbouring frames, corrected each to its own time, so what it makes is corrected
+//! once more.
 
 #[cfg(feature = "cpu")]
 pub(crate) mod cpu;
@@ -24,20 +31,41 @@ pub mod reference;
 use crate::reach::Reach;
 use crate::sequence::settings::Residual;
 
-/// Of each level, from coarse to fine, the side of a cell in pixels, and the radius r in cells of the box that gives the triangle when it is
-/// applied twice: the triangle reaches 2 r cells to each side.
+/// Of each level, from coarse to fine, the side of a cell in pixels, and the radius r in cells of the box that gives the
+/// triangle when it is applied twice: the triangle reaches 2 r cells to each side.
 pub(crate) const LEVELS: [(usize, usize); 3] = [(4, 3), (2, 3), (2, 1)];
+/// Those of the picture: bands of rows are to need few rows around them.
+pub(crate) const PICTURE_LEVELS: [(usize, usize); 2] = [LEVELS[0], LEVELS[2]];
 /// Keeps quotients finite where light is black.
 pub(crate) const LEAST: f32 = 1e-12;
-/// What a level changes light by at the least and at the most, as a share of it.
-pub(crate) fn change(s: &Residual) -> [f32; 2] {
-    [1.0 / s.most - 1.0, s.most - 1.0]
+
+/// How far a residual is trusted.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Trust {
+    /// Its squared size below which nothing is corrected, in variances.
+    pub sure: f32,
+    /// Squared deviation of the samples, as a share of the light, at which half is corrected.
+    pub noise: f32,
+    /// What a level changes light by at the least and at the most, as a share of it.
+    pub change: [f32; 2],
 }
 
-/// How far the stage looks.
-pub(crate) fn reach() -> Reach {
+impl Trust {
+    /// Of the filtered light.
+    pub fn of_lights(s: &Residual) -> Self {
+        Self { sure: s.sure, noise: s.noise * s.noise, change: [1.0 / s.most - 1.0, s.most - 1.0] }
+    }
+
+    /// Of the stabilised picture.
+    pub fn of_picture(s: &Residual) -> Self {
+        Self { sure: s.picture_sure, noise: 0.0, ..Self::of_lights(s) }
+    }
+}
+
+/// How far the stage looks with such levels.
+pub(crate) fn reach(levels: &[(usize, usize)]) -> Reach {
     // Of a level: the triangle, the cell that a pixel lies in, and the cell beside it, between which values are interpolated.
-    Reach::around(LEVELS.iter().map(|(cell, radius)| cell * (2 * radius + 2)).sum())
+    Reach::around(levels.iter().map(|(cell, radius)| cell * (2 * radius + 2)).sum())
 }
 
 /// The triangle's weights, from its middle outwards; over the whole they add up to 1.
@@ -55,6 +83,12 @@ pub(crate) fn squares(triangle: &[f32]) -> f32 {
 /// Cells that hold `extent` pixels from `first` on.
 pub(crate) fn cells(first: usize, extent: usize, cell: usize) -> usize {
     (first + extent).div_ceil(cell) - first / cell
+}
+
+/// The cell of the coarsest level that holds cell `at` (as for [`between`]).
+pub(crate) fn holding(first: usize, at: usize, cell: usize) -> usize {
+    let coarsest = LEVELS[0].0;
+    (first / cell + at) * cell / coarsest - first / coarsest
 }
 
 /// The two cells between which pixel `at` lies (of cells from the one that holds `first` on), and the share of the second.
@@ -137,5 +171,32 @@ mod tests {
         let right = corrected(1.0);
         assert!((mean(&right, |v| v) - 1.0).abs() < 0.01);
         assert!(mean(&right, |v| (v - 1.0).powi(2)).sqrt() < 0.05);
+    }
+
+    /// One sample in `rare` is as bright, the others are black, and the filtered light is right: windows without bright samples look
+    /// certain, and are not to be darkened.
+    #[test]
+    fn sparse_light_keeps_its_energy() {
+        let (size, s) = (Size::new(192, 128), SequenceSettings::default().residual);
+        let mut state = 3u32;
+        for rare in [30, 100, 300] {
+            let input = Plane::from_fn(size, |_, _| {
+                state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+                [if (state >> 8).is_multiple_of(rare) { rare as f32 } else { 0.0 }; 3]
+            });
+            let after = cpu::picture(0, &input, Plane::filled(size, [1.0; 3]), &s);
+            let mean = after.data().iter().map(|c| c[1]).sum::<f32>() / size.pixels() as f32;
+            assert!((mean - 1.0).abs() < 0.06, "one in {rare}: {mean}");
+        }
+    }
+
+    /// The stabilised picture is corrected as light is, also where its samples have little noise.
+    #[test]
+    fn a_picture_of_other_times_is_corrected() {
+        let size = Size::new(96, 64);
+        let input = Plane::from_fn(size, |x, y| [1.0 + 0.02 * ((x * 7 + y * 3) % 5) as f32; 3]);
+        let after = cpu::picture(0, &input, Plane::filled(size, [1.3; 3]), &SequenceSettings::default().residual);
+        let mean = after.data().iter().map(|c| c[1]).sum::<f32>() / size.pixels() as f32;
+        assert!((mean - 1.04).abs() < 0.01, "{mean}");
     }
 }

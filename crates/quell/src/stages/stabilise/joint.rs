@@ -88,7 +88,7 @@ pub(crate) struct Joint<'a> {
     noise: PictureNoise,
     /// Mean over 5x5 of the input.
     input: Band,
-    /// Channel by channel, of the rows around, too: signatures, colours, those of the input, coverage where it is averaged.
+    /// Of the rows around, too, channel by channel: signatures, colours, the input's, coverage where it is averaged.
     around: Band,
 }
 
@@ -603,7 +603,8 @@ pub(crate) fn training_taps(joint: &Joint<'_>, chosen: &[(usize, usize)]) -> (Ve
     (out, chosen.iter().map(|(x, y)| joint.noise.inverse(*x, *y)).collect())
 }
 
-/// Of a tap, the pixel itself first: colour and the input's over brightness, squared differences of the signature's parts (the first two over the
-/// squared brightness), squared distance, and 1 + frames between (0.5: the pixel itself; 0: no tap).
+/// Of a tap, the pixel itself first: colour and the input's over brightness, squared differences of the signature's
+/// parts (the first two over the squared brightness), squared distance, and 1 + frames between (0.5: the pixel itself;
+/// 0: no tap).
 #[cfg(feature = "internals")]
 pub(crate) const TRAINING_CHANNELS: usize = 6 + PARTS + 2;

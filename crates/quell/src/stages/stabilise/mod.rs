@@ -84,9 +84,8 @@ impl<'a> From<&StabiliseFrame<'a>> for BlendFrame<'a> {
 
 /// Squared difference of the tone-mapped colours that mirrors or glass show around two pixels.
 #[inline(always)]
-pub(crate) fn seen_difference<'a>(here: &'a Features, p: usize, other: &'a Features, q: usize) -> f32 {
-    let of = |features: &'a Features| features.albedo_around.as_ref().filter(|_| features.has_seen[0]);
-    let (Some(a), Some(b)) = (of(here), of(other)) else { return 0.0 };
+pub(crate) fn seen_difference(here: &Features, p: usize, other: &Features, q: usize) -> f32 {
+    let (Some(a), Some(b)) = (here.seen_albedo_around(), other.seen_albedo_around()) else { return 0.0 };
     let (a, b) = (a.at(0, p), b.at(0, q));
     (0..3).map(|c| (a[c] - b[c]).powi(2)).sum()
 }
