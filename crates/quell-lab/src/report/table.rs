@@ -51,13 +51,13 @@ impl std::fmt::Display for Table {
     }
 }
 
-/// Scores of every method, one row each; the improvement of trimmed relMSE is against the first.
+/// Scores of every method, one row each; "lower by": how many times trimmed relMSE is below that of the first.
 pub fn metrics_table(metrics: &[MethodScores]) -> Table {
     let mut table = Table::new([
         "method",
         "relMSE",
         "trimmed",
-        "better",
+        "lower by",
         "PSNR dB",
         "SSIM",
         "FLIP",

@@ -56,7 +56,7 @@ fn data() -> PlayerData {
     let sequence = |name: &str, description: &str, pictures: Vec<Option<Picture>>, errors: Vec<Option<Plane<f32>>>| {
         PlayerSequence { name: name.to_owned(), description: description.to_owned(), pictures, error_maps: errors }
     };
-    let mut metrics = Table::new(["method", "relMSE", "trimmed", "better", "PSNR dB", "HDR-FLIP", "energy"]);
+    let mut metrics = Table::new(["method", "relMSE", "trimmed", "lower by", "PSNR dB", "HDR-FLIP", "energy"]);
     let cells = |row: [&str; 7]| row.map(str::to_owned);
     metrics.push(cells(["noisy", "0.911", "0.842", "1.0x", "18.20", "0.4311", "1.0004"]));
     metrics.push(cells(["quell:paper", "0.0132", "0.0124", "67.9x", "33.06", "0.0712", "0.9991"]));

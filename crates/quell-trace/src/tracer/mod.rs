@@ -153,12 +153,14 @@ impl<'s> Tracer<'s> {
         }
     }
 
+    /// Triangles without area, which are left out. No picture shows them: loaders tell of those in files.
+    pub fn degenerate_triangles(&self) -> usize {
+        self.world.degenerate_triangles
+    }
+
     /// What the frame does not model.
     pub(crate) fn notes(&self, replacement: PrimaryReplacement) -> Vec<String> {
         let mut notes = Vec::new();
-        if self.world.degenerate_triangles > 0 {
-            notes.push(format!("{} triangles without area were left out", self.world.degenerate_triangles));
-        }
         if self.sources.is_empty() {
             notes.push("the scene has no light: the picture is black".to_owned());
         }

@@ -220,8 +220,8 @@
   };
   table("metrics", data.metrics, (row, cells, r, heads) => {
     row.children[0].prepend(dot(colourOf(r)));
-    const better = heads.indexOf("better");
-    if (r > 0 && better >= 0) row.children[better].className = "good";
+    const lower = heads.indexOf("lower by");
+    if (r > 0 && lower >= 0) row.children[lower].className = "good";
   });
   const isSum = (cells) => cells[0] === "sum";
   const medians = data.stages.rows.filter((c) => !isSum(c)).map((c) => +c[data.stages.head.indexOf("median ms")] || 0);
