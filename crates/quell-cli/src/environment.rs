@@ -14,10 +14,8 @@ pub fn surround(context: &Context, scene: &mut Scene, args: &EnvironmentArgs) ->
         return Err(Failure::Usage(format!("--environment-rotation {degrees} is no angle in degrees")));
     }
     let map = file::read(path).map_err(|e| Failure::Failed(e.to_string()))?;
-    if map.repaired > 0 {
-        let count = map.repaired;
-        context
-            .note(&format!("{}: {count} texels were not finite or negative; they became 0 or 65504", path.display()));
+    if let Some(note) = map.note(path) {
+        context.note(&note);
     }
     map.surround(scene, degrees.to_radians(), args.environment_strength)
         .map_err(|e| Failure::Failed(format!("{}: {e}", path.display())))

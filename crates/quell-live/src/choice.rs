@@ -1,5 +1,6 @@
 //! What a frame is made with.
 
+use crate::baselines::BaselineConstants;
 use quell::Settings;
 use quell::gpu::DebugView;
 use quell::pipeline::Image;
@@ -118,6 +119,8 @@ pub struct Choice {
     pub tracing: Tracing,
     /// Multiplies light before the tone curve, in stops beside the scene's own exposure.
     pub stops: f32,
+    /// Of a-trous and SVGF.
+    pub baselines: BaselineConstants,
     /// Pictures from left to right, 1 to 6.
     pub panes: Vec<Pane>,
     /// Where the panes meet, as shares of the width; one fewer than panes count.
@@ -135,6 +138,7 @@ impl Default for Choice {
             ablations: vec![false; ABLATIONS.len()],
             tracing: Tracing::default(),
             stops: 0.0,
+            baselines: BaselineConstants::default(),
             panes: vec![Pane::Noisy, Pane::Quell],
             splits: vec![0.5],
             debug: 5,
@@ -166,6 +170,7 @@ impl Choice {
             last = *split;
         }
         self.tracing = self.tracing.held();
+        self.baselines = self.baselines.held();
         self.ablations.resize(ABLATIONS.len(), false);
         self.debug = self.debug.min(DEBUG_VIEWS.len() - 1);
     }

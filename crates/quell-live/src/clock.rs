@@ -1,6 +1,7 @@
 //! Timestamps of the tracer's and the display's passes. Nothing waits: times come home frames later.
 
 use quell::gpu::wgpu;
+use quell::pipeline::Stage;
 use std::collections::VecDeque;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -10,21 +11,46 @@ const MOST: u32 = 64;
 /// Results that wait, at most.
 const WAITING: usize = 8;
 
-/// Names and milliseconds of a frame's passes, in their order; those of one name are added up.
+/// What a pass of a frame took.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PassTime {
+    /// Its name.
+    pub name: &'static str,
+    /// Stages of the denoiser that it runs; none of the tracer's, the baselines' and the display's passes.
+    pub stages: &'static [Stage],
+    /// Of all passes of this name together.
+    pub milliseconds: f64,
+}
+
+impl PassTime {
+    /// Milliseconds of these stages at 1280x720 in the talk's table, on its GPU of 2017; `None` where it has none.
+    pub fn paper_milliseconds(&self) -> Option<f64> {
+        let known = self.stages.iter().filter_map(|stage| stage.paper_milliseconds());
+        known.map(f64::from).reduce(|a, b| a + b)
+    }
+}
+
+/// Times of a frame's passes, in their order.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Times(pub Vec<(&'static str, f64)>);
+pub struct Times(pub Vec<PassTime>);
 
 impl Times {
-    pub(crate) fn add(&mut self, name: &'static str, milliseconds: f64) {
-        match self.0.iter_mut().find(|(known, _)| *known == name) {
-            Some((_, sum)) => *sum += milliseconds,
-            None => self.0.push((name, milliseconds)),
+    pub(crate) fn add(&mut self, name: &'static str, stages: &'static [Stage], milliseconds: f64) {
+        match self.0.iter_mut().find(|known| known.name == name) {
+            Some(known) => known.milliseconds += milliseconds,
+            None => self.0.push(PassTime { name, stages, milliseconds }),
         }
     }
 
-    /// Of all passes.
+    /// Milliseconds of all passes.
     pub fn sum(&self) -> f64 {
-        self.0.iter().map(|(_, ms)| ms).sum()
+        self.0.iter().map(|pass| pass.milliseconds).sum()
+    }
+
+    /// Milliseconds of the passes that the talk's table has, here and there: stages 3 to 10. `None`: none of them ran.
+    pub fn beside_paper(&self) -> Option<[f64; 2]> {
+        let both = self.0.iter().filter_map(|pass| Some([pass.milliseconds, pass.paper_milliseconds()?]));
+        both.reduce(|[a, b], [c, d]| [a + c, b + d])
     }
 }
 
@@ -112,8 +138,32 @@ impl Clock {
         let ticks: Vec<u64> = ticks.iter().map(|b| u64::from_le_bytes(*b)).collect();
         let mut times = Times::default();
         for (name, [begin, end]) in names.into_iter().zip(ticks.as_chunks().0) {
-            times.add(name, end.saturating_sub(*begin) as f64 * period * 1e-6);
+            times.add(name, &[], end.saturating_sub(*begin) as f64 * period * 1e-6);
         }
         Some(times)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn passes_stand_beside_the_table_of_the_talk() {
+        let mut times = Times::default();
+        times.add("trace primary", &[], 3.0);
+        assert_eq!(times.beside_paper(), None);
+        times.add("matte blend", &[Stage::Disocclusion, Stage::Firefly], 0.5);
+        times.add("matte blend", &[Stage::Disocclusion, Stage::Firefly], 0.25);
+        times.add("composite", &[Stage::DirectTaa, Stage::Composite], 1.0);
+        assert_eq!(times.0.len(), 3);
+        assert_eq!(times.sum(), 4.75);
+        let [here, there] = times.beside_paper().unwrap();
+        assert!(here == 0.75 && (there - 1.31).abs() < 1e-6, "{here} {there}");
+        assert_eq!(times.0[2].paper_milliseconds(), None);
+        // All of them: the talk's sum.
+        let mut times = Times::default();
+        times.add("all", &Stage::ALL, 1.0);
+        assert!((times.beside_paper().unwrap()[1] - 9.17).abs() < 1e-6);
     }
 }

@@ -237,7 +237,11 @@ impl Engine {
                 drop(drawn);
             }
         }
-        let wanted = Wanted { atrous: choice.panes.contains(&Pane::Atrous), svgf: choice.panes.contains(&Pane::Svgf) };
+        let wanted = Wanted {
+            atrous: choice.panes.contains(&Pane::Atrous),
+            svgf: choice.panes.contains(&Pane::Svgf),
+            constants: choice.baselines,
+        };
         let direct = output.direct.as_ref().unwrap_or(&self.planes.direct);
         let clock = &mut self.clock;
         let baselines = self.baselines.encode(encoder, &self.planes, [&views.0, &views.1], number, wanted, |name| {
@@ -279,7 +283,7 @@ impl Engine {
         while let Some(timings) = self.denoiser.take_timings(&self.queue) {
             let mut times = Times::default();
             for timing in timings {
-                times.add(timing.pass, timing.milliseconds);
+                times.add(timing.pass, timing.stages, timing.milliseconds);
             }
             self.denoiser_times = times;
         }

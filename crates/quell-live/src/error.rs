@@ -1,6 +1,9 @@
 //! Everything that can keep a picture from being shown, in words for its user.
 
+use quell_trace::environment::EnvironmentError;
+use quell_trace::environment::file::EnvironmentFileError;
 use quell_trace::gpu::GpuError;
+use std::path::PathBuf;
 
 /// Why there is no picture, or no new one.
 #[derive(Debug, thiserror::Error)]
@@ -12,6 +15,12 @@ pub enum LiveError {
     /// A file that cannot be read.
     #[error(transparent)]
     File(#[from] quell_trace::gltf::GltfError),
+    /// A picture that cannot surround a scene.
+    #[error(transparent)]
+    Environment(#[from] EnvironmentFileError),
+    /// The same: its texels times its strength are no light.
+    #[error("{}: {}", .0.display(), .1)]
+    Surround(PathBuf, EnvironmentError),
     /// The tracer: the scene is beyond a limit of the device, or uses what the GPU's tracer lacks.
     #[error("{0}")]
     Tracer(GpuError),

@@ -27,10 +27,13 @@ mod stage;
 #[cfg(feature = "window")]
 pub mod window;
 
+pub use baselines::{
+    AtrousConstants, BASELINE_CONSTANTS, BaselineConstant, BaselineConstants, MOST_LEVELS, SvgfConstants,
+};
 pub use choice::{Choice, DEBUG_VIEWS, Pane, Tracing};
-pub use clock::Times;
+pub use clock::{PassTime, Times};
 pub use engine::{Engine, Made, Sight};
 pub use error::LiveError;
 pub use pilot::{Mode, Pilot, View};
 pub use shot::{PlanesShot, Shot};
-pub use stage::{Lamp, Stage, is_file, open, open_bytes};
+pub use stage::{Lamp, Stage, Surroundings, Turn, is_environment, is_file, open, open_bytes};

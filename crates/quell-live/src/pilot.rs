@@ -16,6 +16,20 @@ pub enum Mode {
     Fly,
 }
 
+impl Mode {
+    /// All of them.
+    pub const ALL: [Self; 3] = [Self::Path, Self::Orbit, Self::Fly];
+
+    /// As a user reads it.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Path => "path",
+            Self::Orbit => "orbit",
+            Self::Fly => "fly",
+        }
+    }
+}
+
 /// Steepest look up or down, radians.
 const STEEPEST: f32 = 1.55;
 /// Radians of a drag over the picture's height.

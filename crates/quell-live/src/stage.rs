@@ -3,10 +3,11 @@
 use crate::error::LiveError;
 use crate::shot::Submit;
 use quell::Size;
+use quell_trace::environment::file::{self, EnvironmentFile};
 use quell_trace::gltf::{self, Loaded};
 use quell_trace::gpu::{Kernels, LiveTracer, Unread, View, wgpu};
 use quell_trace::{Control, Half, PointlikeLight, ReferenceKind, RenderOptions, Scene, Tracer, Track, builtin};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 /// Something that shines and can be switched.
@@ -49,23 +50,81 @@ pub fn is_file(source: &str) -> bool {
     extension.eq_ignore_ascii_case("glb") || extension.eq_ignore_ascii_case("gltf")
 }
 
-/// The built-in scene of this name, or the scene in the file of this path; and what a user should know of it.
+/// Whether this names an environment map: `.hdr` or `.exr`.
+pub fn is_environment(source: &str) -> bool {
+    file::is_named(Path::new(source))
+}
+
+/// A latitude-longitude picture around a scene, in place of its own environment, as `quell render --environment` takes it.
+#[derive(Clone, Debug)]
+pub struct Surroundings {
+    path: PathBuf,
+    file: EnvironmentFile,
+    turn: Turn,
+}
+
+/// How a picture stands around a scene.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Turn {
+    /// About the vertical, clockwise seen from above.
+    pub degrees: f32,
+    /// Multiplies the picture.
+    pub strength: f32,
+}
+
+impl Default for Turn {
+    fn default() -> Self {
+        Self { degrees: 0.0, strength: 1.0 }
+    }
+}
+
+impl Surroundings {
+    /// Reads a `.hdr` or `.exr` file.
+    ///
+    /// # Errors
+    /// A file that is no environment map, in the words of `quell render`.
+    pub fn open(path: &Path, turn: Turn) -> Result<Self, LiveError> {
+        Ok(Self { path: path.to_owned(), file: file::read(path)?, turn })
+    }
+
+    /// The same of a file that lies in memory. `name`: the file's.
+    ///
+    /// # Errors
+    /// As [`Surroundings::open`].
+    pub fn from_bytes(name: &str, bytes: &[u8], turn: Turn) -> Result<Self, LiveError> {
+        Ok(Self { path: PathBuf::from(name), file: file::read_bytes(Path::new(name), bytes)?, turn })
+    }
+
+    fn surround(self, scene: &mut Scene, notes: &mut Vec<String>) -> Result<(), LiveError> {
+        let Self { path, file, turn: Turn { degrees, strength } } = self;
+        notes.extend(file.note(&path));
+        let made = file.surround(scene, degrees.to_radians(), strength);
+        made.map_err(|error| LiveError::Surround(path, error))
+    }
+}
+
+/// The built-in scene of this name, or the scene in the file of this path, in these surroundings or its own; and what a user
+/// should know of it.
 ///
 /// # Errors
-/// An unknown name; a file that cannot be read.
-pub fn open(source: &str) -> Result<(Scene, Vec<String>), LiveError> {
-    if !is_file(source) {
-        return Ok((builtin(source)?, Vec::new()));
+/// An unknown name; a file that cannot be read; surroundings that are not finite.
+pub fn open(source: &str, around: Option<Surroundings>) -> Result<(Scene, Vec<String>), LiveError> {
+    if is_file(source) {
+        return loaded(gltf::load(Path::new(source), &gltf::Options::default())?, around);
     }
-    Ok(loaded(gltf::load(Path::new(source), &gltf::Options::default())?))
+    let (mut scene, mut notes) = (builtin(source)?, Vec::new());
+    if let Some(around) = around {
+        around.surround(&mut scene, &mut notes)?;
+    }
+    Ok((scene, notes))
 }
 
 /// The same of a file that lies in memory, as browsers and windows hand over what is dropped on them.
 ///
 /// # Errors
-/// A file that cannot be read, or that needs others beside it.
-pub fn open_bytes(name: &str, bytes: Vec<u8>) -> Result<(Scene, Vec<String>), LiveError> {
-    Ok(loaded(parsed(name, bytes)?))
+/// A file that cannot be read, or that needs others beside it; as [`open`].
+pub fn open_bytes(name: &str, bytes: Vec<u8>, around: Option<Surroundings>) -> Result<(Scene, Vec<String>), LiveError> {
+    loaded(parsed(name, bytes)?, around)
 }
 
 /// The first half of [`open_bytes`].
@@ -73,15 +132,18 @@ pub(crate) fn parsed(name: &str, bytes: Vec<u8>) -> Result<Loaded, LiveError> {
     Ok(gltf::load_bytes(bytes, Path::new("."), name, &gltf::Options::default())?)
 }
 
-/// The second half: chooses an exposure.
-pub(crate) fn loaded(loaded: Loaded) -> (Scene, Vec<String>) {
+/// The second half: puts the surroundings there and chooses an exposure.
+pub(crate) fn loaded(loaded: Loaded, around: Option<Surroundings>) -> Result<(Scene, Vec<String>), LiveError> {
     let Loaded { mut scene, report } = loaded;
     let mut notes = report.notes.clone();
     notes.extend(report.warnings.iter().take(8).map(|warning| format!("warning: {warning}")));
+    if let Some(around) = around {
+        around.surround(&mut scene, &mut notes)?;
+    }
     if let Some(exposure) = exposure(&scene) {
         scene.exposure = exposure;
     }
-    (scene, notes)
+    Ok((scene, notes))
 }
 
 /// Extent and samples of the picture that an exposure is taken from.
@@ -242,4 +304,52 @@ fn lamps(scene: &Scene) -> Vec<Lamp> {
     let environment = shines.then(|| ("environment".to_owned(), Shines::Environment));
     let all = environment.into_iter().chain(lights).chain(surfaces);
     all.take(MOST_LAMPS).map(|(name, what)| Lamp { name, on: true, what }).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A picture of 8x4 texels of one colour, as a file.
+    fn hdr(colour: [f32; 3]) -> Vec<u8> {
+        let mut bytes = Vec::new();
+        let texels = [image::Rgb(colour); 32];
+        image::codecs::hdr::HdrEncoder::new(&mut bytes).encode(&texels, 8, 4).unwrap();
+        bytes
+    }
+
+    #[test]
+    fn a_picture_surrounds_scenes_and_files() {
+        let turn = Turn { degrees: 30.0, strength: 2.0 };
+        let around = |turn| Surroundings::from_bytes("sky.hdr", &hdr([0.25, 0.5, 1.0]), turn).unwrap();
+        let up = |scene: &Scene| scene.environment.radiance(glam::Vec3::Y).to_array();
+        let (scene, notes) = open("cornell-box", Some(around(turn))).unwrap();
+        assert_eq!((up(&scene), notes.len()), ([0.5, 1.0, 2.0], 0));
+        // A built-in scene keeps its exposure; a file's follows from what lights it.
+        assert_eq!(scene.exposure, builtin("cornell-box").unwrap().exposure);
+        let room =
+            std::fs::read(Path::new(env!("CARGO_MANIFEST_DIR")).join("../../fuzz/corpus/gltf/rich.glb")).unwrap();
+        let (own, _) = open_bytes("rich.glb", room.clone(), None).unwrap();
+        let bright = Turn { degrees: 0.0, strength: 50.0 };
+        let (lit, _) = open_bytes("rich.glb", room, Some(around(bright))).unwrap();
+        assert_eq!(up(&lit), [12.5, 25.0, 50.0]);
+        assert!(lit.exposure < own.exposure, "{} {}", lit.exposure, own.exposure);
+    }
+
+    /// What `quell render --environment` refuses is refused in its words.
+    #[test]
+    fn what_is_no_picture_is_refused() {
+        let refused = |name: &str, bytes: &[u8]| Surroundings::from_bytes(name, bytes, Turn::default()).unwrap_err();
+        let words = refused("sky.png", b"").to_string();
+        assert!(words.starts_with("sky.png is no environment map"), "{words}");
+        let words = refused("sky.exr", b"nothing").to_string();
+        assert!(words.starts_with("sky.exr cannot be decoded"), "{words}");
+        let words = Surroundings::open(Path::new("/nonexistent/sky.hdr"), Turn::default()).unwrap_err().to_string();
+        assert!(words.starts_with("cannot read /nonexistent/sky.hdr"), "{words}");
+        for strength in [-1.0, f32::NAN, 1e38] {
+            let around = Surroundings::from_bytes("sky.hdr", &hdr([9.0; 3]), Turn { degrees: 0.0, strength });
+            let error = open("cornell-box", Some(around.unwrap())).map(|_| ()).unwrap_err();
+            assert!(error.to_string().starts_with("sky.hdr: "), "{error}");
+        }
+    }
 }

@@ -1,5 +1,5 @@
 //! Edge-avoiding a-trous wavelets (Dammertz, Sewtz, Hanika, Lensch: "Edge-Avoiding A-Trous Wavelet Transform for fast
-//! Global Illumination Filtering", HPG 2010): each frame by itself, five levels, no history.
+//! Global Illumination Filtering", HPG 2010): each frame by itself, no history.
 //!
 //! Light is filtered without albedo (section 4); matte and glossy separately, with their own colour weights.
 
@@ -11,11 +11,11 @@ use crate::tone::luminance;
 use fearless_simd::{Level, dispatch};
 use quell::{Frame, Plane, Rgb};
 
-/// Levels of the wavelet; level i has taps 2^i pixels apart.
-const LEVELS: usize = 5;
-/// The three sigmas of equations 6 to 8, which the paper leaves to the scene, in units that scale with it.
+/// The three sigmas of equations 6 to 8, which the paper leaves to the scene, in units that scale with it; and the levels.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Constants {
+    /// Levels of the wavelet; level i has taps 2^i pixels apart.
+    pub levels: usize,
     /// sigma_rt of the first level, in units of the signal's mean luminance over the frame's surfaces; halves every
     /// level.
     pub colour: f32,
@@ -28,7 +28,7 @@ pub struct Constants {
 impl Default for Constants {
     /// Fitted: docs/baselines.md.
     fn default() -> Self {
-        Self { colour: 50.0, normal: 0.28, position: 0.07 }
+        Self { levels: 5, colour: 50.0, normal: 0.28, position: 0.07 }
     }
 }
 
@@ -59,7 +59,7 @@ impl Default for Atrous {
 }
 
 impl Atrous {
-    /// With other sigmas than the fitted ones.
+    /// With other constants than the fitted ones.
     pub fn new(constants: Constants) -> Self {
         Self { constants, level: Level::new(), buffers: None }
     }
@@ -85,7 +85,7 @@ impl Method for Atrous {
         signals(frame, light);
         positions(frame, guides, position);
         let mut sigma_colour = mean_luminances(light, guides).map(|mean| self.constants.colour * mean);
-        for level in 0..LEVELS {
+        for level in 0..self.constants.levels {
             let inverse = sigma_colour.map(|s| if s > 0.0 { 1.0 / (s * s) } else { 0.0 });
             let (simd, constants, width) = (self.level, &self.constants, frame.size.width);
             next.fill(|y, row| {

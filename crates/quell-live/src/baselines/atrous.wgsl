@@ -1,4 +1,4 @@
-// Dammertz et al. 2010, twin of quell-lab's `methods/atrous.rs`: each frame by itself, five levels, no history.
+// Dammertz et al. 2010, twin of quell-lab's `methods/atrous.rs`: each frame by itself, no history.
 
 @group(0) @binding(1) var surface: texture_2d<f32>;
 @group(0) @binding(2) var matte_in: texture_2d<f32>;
@@ -66,13 +66,13 @@ fn level(@builtin(global_invocation_id) id: vec3u) {
     }
     let step = f32(frame.step);
     let mean = total[0].xy / max(total[0].z, 1.0);
-    let sigma_colour = SIGMA_COLOUR * mean / step;
+    let sigma_colour = frame.atrous.x * mean / step;
     let inverse_colour = select(vec2f(), 1.0 / max(sigma_colour * sigma_colour, vec2f(LEAST)), sigma_colour > vec2f());
-    let inverse_normal = 1.0 / (SIGMA_NORMAL * SIGMA_NORMAL * step * step);
+    let inverse_normal = 1.0 / (frame.atrous.y * frame.atrous.y * step * step);
     let own = textureLoad(surface, at, 0);
     let is_surface = own.w < BACKGROUND;
     let place = world(at, select(0.0, own.w, is_surface));
-    let sigma_position = SIGMA_POSITION * own.w;
+    let sigma_position = frame.atrous.z * own.w;
     let inverse_position = select(0.0, 1.0 / (sigma_position * sigma_position), is_surface);
     let matte = max(textureLoad(matte_in, at, 0).xyz, vec3f());
     let glossy = max(textureLoad(glossy_in, at, 0).xyz, vec3f());

@@ -13,6 +13,10 @@ struct Frame {
     // Of the camera before: its viewing direction, and this frame's eye relative to its own.
     forward_before: vec4f,
     eye_moved: vec4f,
+    // Sigmas of a-trous: of colour in mean luminances, of normals, of positions as a part of the view depth.
+    atrous: vec4f,
+    // Of SVGF: alpha of colour and of moments, sigma_z, sigma_l.
+    svgf: vec4f,
 }
 
 @group(0) @binding(0) var<uniform> frame: Frame;

@@ -2,15 +2,21 @@
 //! `atrous` and `svgf` (docs/baselines.md) in WGSL, on WebGPU's default limits.
 //!
 //! ```text
-//! common.wgsl  the frame, the pattern of taps
-//! guides.wgsl  normal and depth in one texel, and how both change
-//! atrous.wgsl  Dammertz et al. 2010
-//! svgf.wgsl    Schied et al. 2017
+//! constants.rs  what a user may change, and its ranges
+//! common.wgsl   the frame, the pattern of taps
+//! guides.wgsl   normal and depth in one texel, and how both change
+//! atrous.wgsl   Dammertz et al. 2010
+//! svgf.wgsl     Schied et al. 2017
 //! ```
 //!
 //! Planes are read as the tracer wrote them; everything else is in single precision, as in the lab and in the code of SVGF's
 //! authors. Nothing is made before a pane shows one of them, and nothing is kept when none does.
 
+mod constants;
+
+pub use self::constants::{
+    AtrousConstants, BASELINE_CONSTANTS, BaselineConstant, BaselineConstants, MOST_LEVELS, SvgfConstants,
+};
 use crate::display::{Stamp, writes};
 use bytemuck::{Pod, Zeroable, bytes_of};
 use glam::{Vec2, Vec3};
@@ -19,27 +25,17 @@ use quell::{Projection, Size};
 use quell_trace::gpu::Planes;
 use std::fmt::Write as _;
 
-/// Levels of both wavelets: section 4 of SVGF's paper; the lab's `atrous`.
-const LEVELS: u32 = 5;
 /// Pixels along both axes of a workgroup's sum of luminances.
 const SUMMED: u32 = 32;
 
-/// Constants of the shaders. Those with a source are the lab's, and `tests/main/baselines.rs` compares what comes of them.
+/// Constants of the shaders, beside [`BaselineConstants`]. Those with a source are the lab's, and `tests/main/baselines.rs` compares what comes of them.
 const CONSTANTS: &[(&str, f32)] = &[
     // View depth of the background; what no difference reaches; what keeps a division from 0; exp(-MOST) is as good as 0.
     ("BACKGROUND", 1e30),
     ("NONE", 3e38),
     ("LEAST", 1e-30),
     ("MOST", 80.0),
-    // A-trous: in mean luminances, of normals, as a part of the view depth.
-    ("SIGMA_COLOUR", 50.0),
-    ("SIGMA_NORMAL", 0.28),
-    ("SIGMA_POSITION", 0.07),
-    // SVGF, section 4; sigma_n is 128.
-    ("COLOUR_ALPHA", 0.2),
-    ("MOMENTS_ALPHA", 0.2),
-    ("SIGMA_Z", 1.0),
-    ("SIGMA_L", 4.0),
+    // SVGF: frames that are counted at most, and those that make a long history.
     ("LONGEST", 32.0),
     ("SHORT", 4.0),
     ("DEPTH_EPSILON", 1e-3),
@@ -72,6 +68,10 @@ struct Frame {
     direction: [[f32; 4]; 3],
     forward_before: [f32; 4],
     eye_moved: [f32; 4],
+    /// Colour, normal, position.
+    atrous: [f32; 4],
+    /// Alpha of colour and of moments, sigma_z, sigma_l.
+    svgf: [f32; 4],
 }
 
 /// A level's uniform begins at a multiple of this, WebGPU's default.
@@ -86,11 +86,12 @@ pub(crate) struct Filtered<'a> {
     pub(crate) svgf: Option<&'a Pair>,
 }
 
-/// Which of both a pane shows.
-#[derive(Clone, Copy, PartialEq, Eq)]
+/// Which of both a pane shows, and with what constants.
+#[derive(Clone, Copy, PartialEq)]
 pub(crate) struct Wanted {
     pub(crate) atrous: bool,
     pub(crate) svgf: bool,
+    pub(crate) constants: BaselineConstants,
 }
 
 struct Kernels {
@@ -109,7 +110,7 @@ struct Atrous {
 }
 
 struct Svgf {
-    /// Two to filter from and to, then the history.
+    /// Two to filter from and to, then the history ([`ways`]).
     light: [Pair; 3],
     moments: [wgpu::TextureView; 2],
     marks: [wgpu::TextureView; 2],
@@ -239,6 +240,20 @@ fn affine(f: impl Fn(Vec2) -> Vec3) -> [[f32; 4]; 3] {
     [four(base), four(f(Vec2::X) - base), four(f(Vec2::Y) - base)]
 }
 
+/// Among SVGF's three pairs, which each level reads and which it writes. The first level reads number 1; the output of level
+/// `feedback` stays in number 2, the next frame's history.
+fn ways(levels: u32, feedback: u32) -> Vec<[usize; 2]> {
+    let mut from = 1;
+    let mut way = |level| {
+        let to = if level == feedback { HISTORY } else { usize::from(from == 0) };
+        [std::mem::replace(&mut from, to), to]
+    };
+    (0..levels).map(&mut way).collect()
+}
+
+/// Number of the pair that is SVGF's history.
+const HISTORY: usize = 2;
+
 /// A dispatch being recorded.
 struct Recorder<'a> {
     device: &'a wgpu::Device,
@@ -318,7 +333,8 @@ impl Baselines {
         images.turn = 1 - images.turn;
         self.last = wanted.svgf.then_some(number);
         let kernels = self.kernels.get_or_insert_with(|| Kernels::new(&self.device));
-        let uniforms = uniforms(&self.device, size, views, follows && had_svgf);
+        let constants = wanted.constants.held();
+        let uniforms = uniforms(&self.device, size, views, follows && had_svgf, &constants);
         let images = &*images;
         let (now, before) = (images.turn, 1 - images.turn);
         let (surface, slope) = (&images.surface[now], &images.slope);
@@ -339,7 +355,7 @@ impl Baselines {
                 let traced = [(1, surface), (2, &planes.matte), (3, &planes.glossy)];
                 r.run(&kernels.tile_sums, 0, &traced, Some((6, sums)), groups(size, SUMMED));
                 r.run(&kernels.whole_sum, 0, &[], Some((6, sums)), [1, 1]);
-                for level in 0..LEVELS {
+                for level in 0..constants.atrous.levels {
                     let out = &light[level as usize % 2];
                     let from = [&light[1 - level as usize % 2][0], &light[1 - level as usize % 2][1]];
                     let [matte, glossy] = if level == 0 { [&planes.matte, &planes.glossy] } else { from };
@@ -348,7 +364,9 @@ impl Baselines {
                 }
             });
         }
-        if let Some(Svgf { light: [a, b, history], moments, marks }) = &images.svgf {
+        let ways = ways(constants.svgf.levels, constants.svgf.feedback);
+        if let Some(Svgf { light, moments, marks }) = &images.svgf {
+            let [a, b, history] = light;
             recorder(encoder, "SVGF", &|r| {
                 let views = [
                     (1, surface),
@@ -371,40 +389,47 @@ impl Baselines {
                 let filter = |from: &Pair, to: &Pair| -> [(u32, wgpu::TextureView); 4] {
                     [(3, from[0].clone()), (4, from[1].clone()), (12, to[0].clone()), (13, to[1].clone())]
                 };
-                let light = filter(a, b);
-                let light = light.iter().map(|(binding, view)| (*binding, view));
+                let pairs = filter(a, b);
+                let pairs = pairs.iter().map(|(binding, view)| (*binding, view));
                 let views: Vec<_> =
-                    light.chain([(1, surface), (2, slope), (5, &moments[now]), (6, &marks[now])]).collect();
+                    pairs.chain([(1, surface), (2, slope), (5, &moments[now]), (6, &marks[now])]).collect();
                 r.run(&kernels.estimate, 0, &views, None, all);
-                // The output of the first level is the next frame's history.
-                let ways = [(b, history), (history, a), (a, b), (b, a), (a, b)];
-                for (level, (from, to)) in (0..LEVELS).zip(ways) {
-                    let light = filter(from, to);
-                    let light = light.iter().map(|(binding, view)| (*binding, view));
-                    let views: Vec<_> = light.chain([(1, surface), (2, slope)]).collect();
+                for (level, [from, to]) in (0..).zip(&ways) {
+                    let pairs = filter(&light[*from], &light[*to]);
+                    let pairs = pairs.iter().map(|(binding, view)| (*binding, view));
+                    let views: Vec<_> = pairs.chain([(1, surface), (2, slope)]).collect();
                     r.run(&kernels.svgf_level, level, &views, None, all);
                 }
             });
         }
+        let last = ways.last().map_or(1, |[_, to]| *to);
         Filtered {
-            atrous: images.atrous.as_ref().map(|atrous| &atrous.light[(LEVELS as usize + 1) % 2]),
-            svgf: images.svgf.as_ref().map(|svgf| &svgf.light[1]),
+            atrous: images.atrous.as_ref().map(|atrous| &atrous.light[(constants.atrous.levels as usize + 1) % 2]),
+            svgf: images.svgf.as_ref().map(|svgf| &svgf.light[last]),
         }
     }
 }
 
 /// A uniform for each level.
-fn uniforms(device: &wgpu::Device, size: Size, [now, before]: [&Projection; 2], follows: bool) -> wgpu::Buffer {
+fn uniforms(
+    device: &wgpu::Device,
+    size: Size,
+    [now, before]: [&Projection; 2],
+    follows: bool,
+    constants: &BaselineConstants,
+) -> wgpu::Buffer {
+    let BaselineConstants { atrous, svgf } = constants;
+    let levels = atrous.levels.max(svgf.levels);
     let [eye, eye_before] = [now, before].map(|view| Vec3::from(view.eye()));
     let buffer = device.create_buffer(&wgpu::BufferDescriptor {
         label: Some("baselines"),
-        size: ALIGNED * u64::from(LEVELS),
+        size: ALIGNED * u64::from(levels),
         usage: wgpu::BufferUsages::UNIFORM,
         mapped_at_creation: true,
     });
     // A lost device maps nothing; what follows does nothing then, too.
     if let Ok(mut mapped) = buffer.get_mapped_range_mut(..) {
-        for level in 0..LEVELS {
+        for level in 0..levels {
             let frame = Frame {
                 size: [size.width as u32, size.height as u32],
                 step: 1 << level,
@@ -413,6 +438,8 @@ fn uniforms(device: &wgpu::Device, size: Size, [now, before]: [&Projection; 2], 
                 direction: affine(|pixel| now.ray_direction(pixel)),
                 forward_before: four(before.forward().into()),
                 eye_moved: four(eye - eye_before),
+                atrous: [atrous.colour, atrous.normal, atrous.position, 0.0],
+                svgf: [svgf.colour_alpha, svgf.moments_alpha, svgf.sigma_z, svgf.sigma_l],
             };
             let start = ALIGNED as usize * level as usize;
             mapped.slice(start..start + size_of::<Frame>()).copy_from_slice(bytes_of(&frame));
@@ -420,4 +447,23 @@ fn uniforms(device: &wgpu::Device, size: Size, [now, before]: [&Projection; 2], 
     }
     buffer.unmap();
     buffer
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn no_level_writes_what_it_reads_or_what_the_next_frame_needs() {
+        for levels in 1..=MOST_LEVELS {
+            for feedback in 0..levels {
+                let ways = ways(levels, feedback);
+                assert_eq!((ways.len(), ways[0][0]), (levels as usize, 1));
+                assert!(ways.windows(2).all(|w| w[0][1] == w[1][0]), "{ways:?}");
+                assert!(ways.iter().all(|[from, to]| from != to), "{ways:?}");
+                let kept: Vec<usize> = (0..ways.len()).filter(|&level| ways[level][1] == HISTORY).collect();
+                assert_eq!(kept, [feedback as usize]);
+            }
+        }
+    }
 }

@@ -123,8 +123,8 @@ fn accumulate(@builtin(global_invocation_id) id: vec3u) {
     if history.weight > 0.0 {
         let share = 1.0 / history.weight;
         frames = min(history.length * share + 1.0, LONGEST);
-        let alpha = max(COLOUR_ALPHA, 1.0 / frames);
-        let moments_alpha = max(MOMENTS_ALPHA, 1.0 / frames);
+        let alpha = max(frame.svgf.x, 1.0 / frames);
+        let moments_alpha = max(frame.svgf.y, 1.0 / frames);
         matte = mix(history.matte * share, matte, alpha);
         glossy = mix(history.glossy * share, glossy, alpha);
         mu = mix(history.moments * share, mu, moments_alpha);
@@ -161,7 +161,7 @@ fn estimate(@builtin(global_invocation_id) id: vec3u) {
                 }
                 let other = textureLoad(surface, q, 0);
                 let explained = abs(dot(gradient, vec2f(f32(x), f32(y))));
-                let off = abs(other.w - own.w) / (SIGMA_Z * explained + DEPTH_EPSILON * own.w);
+                let off = abs(other.w - own.w) / (frame.svgf.z * explained + DEPTH_EPSILON * own.w);
                 let apart = exp(-min(off, MOST)) * to_the_128th(dot(own.xyz, other.xyz));
                 let w = select(apart, 1.0, x == 0 && y == 0);
                 weights += w;
@@ -192,7 +192,7 @@ fn luminance_scale(at: vec2i) -> vec2f {
             }
         }
     }
-    return 1.0 / (SIGMA_L * sqrt(sum / weights) + LUMINANCE_EPSILON);
+    return 1.0 / (frame.svgf.w * sqrt(sum / weights) + LUMINANCE_EPSILON);
 }
 
 // Sections 4.3 and 4.4: one level of the edge-stopping wavelet, of colour and of variance.
@@ -219,7 +219,7 @@ fn level(@builtin(global_invocation_id) id: vec3u) {
                 continue;
             }
             let other = textureLoad(surface, q, 0);
-            let offset = SIGMA_Z * f32(frame.step) * vec2f(f32(x), f32(y));
+            let offset = frame.svgf.z * f32(frame.step) * vec2f(f32(x), f32(y));
             let off = abs(own.w - other.w) / (abs(dot(gradient, offset)) + DEPTH_EPSILON * own.w);
             let share = kernel(x, y) * to_the_128th(dot(own.xyz, other.xyz));
             let m = textureLoad(matte_in, q, 0);

@@ -25,3 +25,15 @@ pub(super) fn size(text: &str) -> Option<Size> {
     let (width, height) = (width.parse().ok()?, height.parse().ok()?);
     (width > 0 && height > 0 && width <= 16384 && height <= 16384).then(|| Size::new(width, height))
 }
+
+/// An angle.
+pub(super) fn degrees(text: &str) -> Result<f32, String> {
+    let angle = text.trim().parse().ok().filter(|v: &f32| v.is_finite());
+    angle.ok_or_else(|| format!("{text} is no angle in degrees"))
+}
+
+/// A factor.
+pub(super) fn strength(text: &str) -> Result<f32, String> {
+    let factor = text.trim().parse().ok().filter(|v: &f32| v.is_finite() && *v > 0.0);
+    factor.ok_or_else(|| format!("`{text}` is no positive number"))
+}

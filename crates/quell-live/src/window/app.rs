@@ -5,13 +5,15 @@ use super::drive::Drive;
 #[cfg(not(target_arch = "wasm32"))]
 use super::film::Film;
 use super::marks::Marks;
-use super::opening::{Opening, Place, Source};
+use super::opening::{Opening, Place, Sky, Source};
+use super::views::{self, Saved};
 use crate::choice::Choice;
 use crate::clock::Times;
 use crate::engine::{Engine, Made, Sight};
 use crate::error::LiveError;
 use crate::pilot::{Mode, Pilot, View};
 use crate::shot::{PlanesShot, Shot};
+use crate::stage::{Turn, is_environment};
 use eframe::egui;
 use eframe::egui_wgpu::RenderState;
 use quell::Size;
@@ -34,6 +36,8 @@ const SETTLED: f64 = 0.15;
 pub(super) struct Start {
     /// A built-in scene, or a file's path.
     pub(super) source: String,
+    /// What surrounds it, in place of its own environment.
+    pub(super) sky: Option<Sky>,
     /// Pixels of the picture for each of the window's, along both axes.
     pub(super) scale: Option<f32>,
     /// The same where it is not said and the device is not one in software.
@@ -48,13 +52,6 @@ pub(super) struct Start {
     pub(super) shows_panel: bool,
     #[cfg(not(target_arch = "wasm32"))]
     pub(super) script: Option<String>,
-}
-
-/// A view that was saved.
-#[derive(Clone, Copy)]
-pub(super) struct Saved {
-    pub(super) pilot: Pilot,
-    pub(super) time: f64,
 }
 
 /// What a device said by itself.
@@ -72,6 +69,12 @@ pub(super) struct App {
     pub(super) pilot: Option<Pilot>,
     pub(super) saved: Vec<Saved>,
     pub(super) name: String,
+    /// Of the scene that is shown.
+    source: Option<Source>,
+    /// What surrounds it, in place of its own environment.
+    pub(super) sky: Option<Sky>,
+    /// How the controls have turned it.
+    pub(super) turn: Turn,
     pub(super) opening: Option<Opening>,
     /// What a user should know of the scene.
     pub(super) notes: Vec<String>,
@@ -139,6 +142,9 @@ impl App {
             pilot: None,
             saved: Vec::new(),
             name: String::new(),
+            source: None,
+            sky: None,
+            turn: Turn::default(),
             opening: None,
             notes: Vec::new(),
             error: None,
@@ -175,12 +181,33 @@ impl App {
         if is_software {
             app.choice.tracing.direct_samples = 4;
         }
-        app.open(Source::Named(start.source));
+        app.begin(Source::Named(start.source), start.sky, false);
         Ok(app)
     }
 
-    /// Opens a scene; the last one stays until it is ready, or for good where it is refused.
+    /// Opens a scene, or a picture that surrounds the one that is shown. The last scene stays until that is ready, or for good
+    /// where it is refused.
     pub(super) fn open(&mut self, source: Source) {
+        if is_environment(&source.name()) {
+            self.surround(Some(Sky { source, turn: Turn::default() }));
+            return;
+        }
+        let sky = self.opening.as_ref().map_or(&self.sky, |opening| &opening.sky).clone();
+        self.begin(source, sky, false);
+    }
+
+    /// Puts a picture around the scene; none: its own environment.
+    pub(super) fn surround(&mut self, sky: Option<Sky>) {
+        let (source, is_same_scene) = match &self.opening {
+            Some(opening) => (Some(opening.source.clone()), opening.is_same_scene),
+            None => (self.source.clone(), true),
+        };
+        if let Some(source) = source {
+            self.begin(source, sky, is_same_scene);
+        }
+    }
+
+    fn begin(&mut self, source: Source, sky: Option<Sky>, is_same_scene: bool) {
         self.error = None;
         let place = Place {
             device: self.device.clone(),
@@ -188,16 +215,18 @@ impl App {
             kernels: Arc::clone(self.engine.kernels()),
             options: self.engine.options(self.choice.tracing),
         };
-        self.opening = Some(Opening::begin(source, place));
+        self.opening = Some(Opening::begin(source, sky, is_same_scene, place));
     }
 
     /// Takes a scene that has arrived.
     fn arrive(&mut self) {
-        let Some(opening) = &self.opening else { return };
-        let Some(opened) = opening.arrived() else { return };
-        let name = opening.name.clone();
-        self.opening = None;
+        let Some(opened) = self.opening.as_ref().and_then(Opening::arrived) else { return };
+        let Some(Opening { name, source, sky, is_same_scene, .. }) = self.opening.take() else { return };
+        let kept = self.pilot.filter(|_| is_same_scene).map(|pilot| (pilot, self.time));
         let pilot = opened.and_then(|(stage, notes)| {
+            if let Some((pilot, time)) = kept {
+                return Ok((stage, notes, pilot, time));
+            }
             let mut pilot = Pilot::at(stage.scene(), 1, 0.0, Mode::Path)?;
             let view = self.view.take();
             if let Some(view) = view {
@@ -211,15 +240,23 @@ impl App {
                 self.engine.set_stage(stage);
                 self.pilot = Some(pilot);
                 (self.name, self.notes, self.time) = (name, notes, time);
-                self.saved.clear();
-                #[cfg(not(target_arch = "wasm32"))]
-                self.film.forget();
+                self.turn = sky.as_ref().map_or_else(Turn::default, |sky| sky.turn);
+                (self.source, self.sky) = (Some(source), sky);
                 self.last = None;
+                if !is_same_scene {
+                    self.find_views();
+                    #[cfg(not(target_arch = "wasm32"))]
+                    self.film.forget();
+                }
             }
             Err(error) => {
                 let words = error.to_string();
-                // Errors of files begin with their names.
-                self.error = Some(if words.starts_with(&name) { words } else { format!("{name}: {words}") });
+                let is_of_sky = matches!(error, LiveError::Environment(_) | LiveError::Surround(..));
+                let sky = sky.map(|sky| sky.source.name());
+                // Errors of files begin with their names, those of surroundings have theirs.
+                let is_named = words.starts_with(&name) || sky.is_some_and(|sky| words.starts_with(&sky));
+                self.error = Some(if is_of_sky || is_named { words } else { format!("{name}: {words}") });
+                self.turn = self.sky.as_ref().map_or_else(Turn::default, |sky| sky.turn);
             }
         }
     }
@@ -353,13 +390,31 @@ impl App {
         self.shot = Some((shot, path));
     }
 
+    /// Views of this scene that were saved earlier.
+    fn find_views(&mut self) {
+        self.saved.clear();
+        let Some(stage) = self.engine.stage() else { return };
+        match read_views(&self.folder).and_then(|text| views::of(&text, &self.name, stage.scene())) {
+            Ok(saved) => self.saved = saved,
+            Err(words) => self.error = Some(words),
+        }
+    }
+
+    /// Keeps the saved views for other times.
+    pub(super) fn keep_views(&mut self) {
+        let text = read_views(&self.folder).and_then(|text| views::with(&text, &self.name, &self.saved));
+        if let Err(words) = text.and_then(|text| write_views(&self.folder, &text)) {
+            self.error = Some(words);
+        }
+    }
+
     /// The view in words: in a page its address becomes that of the view.
     pub(super) fn tell_view(&mut self, pilot: Pilot) {
         let words = pilot.words(self.time);
         #[cfg(not(target_arch = "wasm32"))]
         let said = format!("--view {words}");
         #[cfg(target_arch = "wasm32")]
-        let said = super::page::address(&self.name, &words);
+        let said = super::page::address(&self.name, self.sky.as_ref(), &words);
         self.said = Some(said);
     }
 
@@ -440,6 +495,7 @@ impl App {
         serde_json::json!({
             "scene": self.name,
             "opening": self.opening.as_ref().map(|o| o.name.clone()),
+            "environment": self.sky.as_ref().map(|sky| sky.source.name()),
             "error": self.error,
             "said": self.said,
             "frame": self.last.map(|made| made.number),
@@ -454,11 +510,16 @@ impl App {
             "forward": pilot.map(|p| p.forward().to_array()),
             "film": film,
             "time": self.time,
+            "views": self.saved.len(),
             "view": pilot.map(|p| p.words(self.time)),
             "settings": quell::settings::PARAMETERS.iter().map(|p| {
                 (p.name.to_owned(), self.choice.settings.get(p.name).unwrap_or_default().into())
             }).collect::<serde_json::Map<String, serde_json::Value>>(),
+            "baselines": crate::BASELINE_CONSTANTS.iter().map(|c| {
+                (c.name.to_owned(), c.get(&self.choice.baselines).into())
+            }).collect::<serde_json::Map<String, serde_json::Value>>(),
             "milliseconds": self.times.sum(),
+            "beside paper": self.times.beside_paper(),
             "marks": self.marks.report(),
         })
     }
@@ -537,5 +598,19 @@ fn write_planes(path: &std::path::Path, frame: &FrameToWrite<'_>) -> Result<(), 
     Ok(())
 }
 
+/// The text of saved views; empty: there is none yet.
+#[cfg(not(target_arch = "wasm32"))]
+fn read_views(folder: &std::path::Path) -> Result<String, String> {
+    match std::fs::read_to_string(folder.join(views::NAME)) {
+        Err(error) if error.kind() == std::io::ErrorKind::NotFound => Ok(String::new()),
+        read => read.map_err(|error| format!("{}: {error}", folder.join(views::NAME).display())),
+    }
+}
+
+#[cfg(not(target_arch = "wasm32"))]
+fn write_views(folder: &std::path::Path, text: &str) -> Result<(), String> {
+    write(&folder.join(views::NAME), text.as_bytes()).map_err(|error| error.to_string())
+}
+
 #[cfg(target_arch = "wasm32")]
-use super::page::{write, write_planes};
+use super::page::{read_views, write, write_planes, write_views};

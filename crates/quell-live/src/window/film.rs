@@ -1,7 +1,8 @@
 //! A camera's path: recorded while the picture is walked through, then written as frames, each as good as if its
 //! predecessors had taken no time.
 
-use super::app::{App, Saved};
+use super::app::App;
+use super::views::Saved;
 use eframe::egui::Ui;
 
 /// Frames of a path, at most: ten minutes of 24 a second.

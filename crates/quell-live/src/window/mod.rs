@@ -5,6 +5,7 @@
 //! opening.rs  a scene that is being opened while another one is shown
 //! panel.rs    controls: made from the table of parameters where they are parameters
 //! picture.rs  the picture, its splits, and what mouse, keyboard and touch do in it
+//! views.rs    saved views that outlive the window
 //! marks.rs    where controls are, for tests
 //! adapter.rs  what is asked of a device; extents in words
 //! film.rs     a camera's path, recorded and written as frames; windows only
@@ -27,6 +28,7 @@ mod opening;
 mod page;
 mod panel;
 mod picture;
+mod views;
 
 #[cfg(not(target_arch = "wasm32"))]
 pub use native::run;

@@ -2,11 +2,13 @@
 
 use super::adapter::{device_descriptor, size};
 use super::app::{App, Start, Trouble};
-use crate::stage::is_file;
+use super::opening::Sky;
+use crate::stage::{is_environment, is_file};
 use eframe::egui;
 use eframe::egui_wgpu::{WgpuConfiguration, WgpuSetup, WgpuSetupCreateNew};
 use quell::Size;
 use quell::gpu::wgpu;
+use quell_trace::environment::file::EnvironmentFileError;
 use std::ffi::OsString;
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -24,6 +26,9 @@ SCENE           a built-in scene (quell scenes) or a .gltf or .glb file [default
 --scale SHARE   pixels of the picture for each of the window's, 0.05 to 2 [default: 1; 0.25 in software]
 --size WxH      the picture's own extent, whatever the window's is
 --window WxH    the window's extent in points [default: 1280x720]
+--environment FILE           latitude-longitude picture (.hdr, .exr) around the scene, in place of its own environment
+--environment-rotation DEG   turns it about the vertical, clockwise seen from above
+--environment-strength X     multiplies it
 --view VIEW     where the camera stands: EX,EY,EZ,TX,TY,TZ[,TIME], as the control \"view as text\" says it
 --out DIR       where pictures and planes are saved [default: .]
 --script FILE   drives the window, for tests (crates/quell-live/src/window/drive.rs)
@@ -54,6 +59,7 @@ fn parsed(arguments: impl Iterator<Item = OsString>) -> Result<Asked, String> {
             size: None,
             folder: PathBuf::from("."),
             view: None,
+            sky: None,
             shows_panel: true,
             script: None,
         },
@@ -61,6 +67,7 @@ fn parsed(arguments: impl Iterator<Item = OsString>) -> Result<Asked, String> {
         window: Size::new(1280, 720),
     };
     let mut is_named = false;
+    let (mut environment, mut degrees, mut strength) = (None, None, None);
     let mut arguments = arguments.map(|a| a.to_string_lossy().into_owned());
     while let Some(argument) = arguments.next() {
         let (name, inline) = match argument.split_once('=') {
@@ -78,14 +85,29 @@ fn parsed(arguments: impl Iterator<Item = OsString>) -> Result<Asked, String> {
             options.start.source = argument;
             continue;
         }
-        let known = ["--device", "--scale", "--size", "--window", "--view", "--out", "--script"];
+        let known = [
+            "--device",
+            "--environment",
+            "--environment-rotation",
+            "--environment-strength",
+            "--scale",
+            "--size",
+            "--window",
+            "--view",
+            "--out",
+            "--script",
+        ];
         if !known.contains(&name.as_str()) {
             return Err(format!("unknown option {name}; --help lists them"));
         }
         let value = inline.or_else(|| arguments.next()).ok_or_else(|| format!("{name} needs a value"))?;
         let wrong = |wanted: &str| format!("{name} takes {wanted}, not `{value}`");
+        let of = |words: String| format!("{name}: {words}");
         match name.as_str() {
             "--device" => options.device = Some(value),
+            "--environment" => environment = Some(value),
+            "--environment-rotation" => degrees = Some(super::adapter::degrees(&value).map_err(of)?),
+            "--environment-strength" => strength = Some(super::adapter::strength(&value).map_err(of)?),
             "--scale" => {
                 let scale = value.parse().ok().filter(|v: &f32| (0.05..=2.0).contains(v));
                 options.start.scale = Some(scale.ok_or_else(|| wrong("a number from 0.05 to 2"))?);
@@ -101,6 +123,16 @@ fn parsed(arguments: impl Iterator<Item = OsString>) -> Result<Asked, String> {
         }
     }
     // A name that cannot be opened is said before a window is.
+    options.start.sky = Sky::of(environment, degrees, strength, "--")?;
+    if let Some(sky) = &options.start.sky {
+        let path = PathBuf::from(sky.source.name());
+        if !is_environment(&sky.source.name()) {
+            return Err(EnvironmentFileError::Format { path }.to_string());
+        }
+        if let Err(source) = std::fs::metadata(&path) {
+            return Err(EnvironmentFileError::Io { path, source }.to_string());
+        }
+    }
     {
         let name = &options.start.source;
         let unknown = if is_file(name) {
@@ -251,6 +283,11 @@ mod tests {
             ("--view 1,2", "three numbers"),
             ("--frob", "unknown option"),
             ("--script /nonexistent", "/nonexistent"),
+            ("--environment /nonexistent/sky.hdr", "cannot read /nonexistent/sky.hdr"),
+            ("--environment sky.png", "sky.png is no environment map"),
+            ("--environment-rotation 20", "--environment-rotation needs --environment"),
+            ("--environment a.hdr --environment-rotation inf", "is no angle in degrees"),
+            ("--environment a.hdr --environment-strength 0", "is no positive number"),
         ] {
             let Err(error) = asked(line) else { panic!("{line} was taken") };
             assert!(error.contains(words), "{line}: {error}");

@@ -3,9 +3,10 @@
 
 use super::adapter::device_descriptor;
 use super::app::{App, Start, Trouble};
-use super::opening::{Opened, Place, Source};
+use super::opening::{Opened, Place, Sky, Source};
+use super::views;
 use crate::error::LiveError;
-use crate::stage::{loaded, parsed};
+use crate::stage::{Surroundings, loaded, parsed};
 use eframe::egui_wgpu::{WgpuConfiguration, WgpuSetup, WgpuSetupCreateNew};
 use quell::gpu::wgpu;
 use quell_frames::{FrameToWrite, Precision, frame_bytes};
@@ -47,7 +48,8 @@ pub struct QuellLive {
 
 #[wasm_bindgen]
 impl QuellLive {
-    /// Opens a built-in scene by its name, or a .glb or .gltf file by its address. The last scene stays until it is there, and
+    /// Opens a built-in scene by its name, or a .glb or .gltf file by its address; the picture at the address of a .hdr or .exr
+    /// file surrounds the scene that is shown. The last scene stays until it is there, and
     /// for good where it is refused.
     pub fn open(&self, source: String) {
         if let Some(mut app) = self.runner.app_mut::<App>() {
@@ -123,6 +125,7 @@ fn parameters(search: &str) -> Result<Start, JsValue> {
         size: None,
         folder: PathBuf::new(),
         view: None,
+        sky: None,
         shows_panel: true,
     };
     if let Some(text) = given.get("view") {
@@ -136,6 +139,14 @@ fn parameters(search: &str) -> Result<Start, JsValue> {
         start.size =
             Some(super::adapter::size(&text).ok_or_else(|| wrong("size", "an extent such as 640x360", &text))?);
     }
+    let number = |name: &str, read: fn(&str) -> Result<f32, String>| {
+        let of = |words: String| JsValue::from_str(&format!("the address' parameter {name}: {words}"));
+        given.get(name).map(|text| read(&text)).transpose().map_err(of)
+    };
+    let degrees = number("environment-rotation", super::adapter::degrees)?;
+    let strength = number("environment-strength", super::adapter::strength)?;
+    let file = given.get("environment").filter(|s| !s.is_empty());
+    start.sky = Sky::of(file, degrees, strength, "the address' parameter ")?;
     if let Some(text) = given.get("panel") {
         start.shows_panel = match text.as_str() {
             "on" => true,
@@ -147,17 +158,45 @@ fn parameters(search: &str) -> Result<Start, JsValue> {
 }
 
 /// Makes the page's address that of a view; returns it.
-pub(super) fn address(scene: &str, view: &str) -> String {
+pub(super) fn address(scene: &str, sky: Option<&Sky>, view: &str) -> String {
     let changed = || -> Result<String, JsValue> {
         let window = web_sys::window().ok_or("there is no window")?;
         let url = Url::new(&window.location().href()?)?;
         url.search_params().set("scene", scene);
         url.search_params().set("view", view);
+        // A file that was dropped has no address.
+        let sky = sky.filter(|sky| matches!(sky.source, Source::Named(_)));
+        for (name, value) in [
+            ("environment", sky.map(|sky| sky.source.name())),
+            ("environment-rotation", sky.map(|sky| sky.turn.degrees.to_string())),
+            ("environment-strength", sky.map(|sky| sky.turn.strength.to_string())),
+        ] {
+            match value {
+                Some(value) => url.search_params().set(name, &value),
+                None => url.search_params().delete(name),
+            }
+        }
         window.history()?.replace_state_with_url(&JsValue::NULL, "", Some(&url.href()))?;
         Ok(url.href())
     };
     // A page within another may not change its address: the view is said all the same.
     changed().unwrap_or_else(|_| format!("view={view}"))
+}
+
+/// The browser's own memory for this page's site.
+fn memory() -> Result<web_sys::Storage, String> {
+    let storage = web_sys::window().and_then(|window| window.local_storage().ok().flatten());
+    storage.ok_or_else(|| "this browser keeps nothing for this page: saved views last until it is closed".to_owned())
+}
+
+/// The text of saved views; empty: there is none yet, or the browser keeps nothing. `_`: windows have a folder.
+pub(super) fn read_views(_: &Path) -> Result<String, String> {
+    Ok(memory().ok().and_then(|memory| memory.get_item(views::NAME).ok().flatten()).unwrap_or_default())
+}
+
+pub(super) fn write_views(_: &Path, text: &str) -> Result<(), String> {
+    let full = |_| "the browser's memory for this page is full: saved views last until it is closed".to_owned();
+    memory()?.set_item(views::NAME, text).map_err(full)
 }
 
 /// How long the browser is given between steps to draw and to hear its user, milliseconds.
@@ -175,30 +214,40 @@ async fn breathe() {
 }
 
 /// Reads a scene, makes it ready and uploads it, in steps.
-pub(super) async fn opened(source: Source, place: Place) -> Opened {
+pub(super) async fn opened(source: Source, sky: Option<Sky>, place: Place) -> Opened {
+    breathe().await;
+    let around = match sky {
+        Some(Sky { source, turn }) => {
+            let bytes = bytes(&source).await?;
+            breathe().await;
+            Some(Surroundings::from_bytes(&source.name(), &bytes, turn)?)
+        }
+        None => None,
+    };
     breathe().await;
     let (scene, notes) = match source {
         // Names of built-in scenes have neither; misspelt ones are answered with the right ones.
-        Source::Named(name) if !name.contains(['.', '/', ':']) => crate::open(&name)?,
-        Source::Named(address) => {
-            let bytes = fetched(&address).await.map_err(LiveError::Read)?;
-            read(&address, bytes).await?
-        }
-        Source::Dropped(file) => {
-            let name = file.path().to_string_lossy().into_owned();
-            let bytes = file.bytes_async().await.map_err(|error| LiveError::Read(format!("{name}: {error}")))?;
-            read(&name, bytes).await?
+        Source::Named(name) if !name.contains(['.', '/', ':']) => crate::open(&name, around)?,
+        source => {
+            let bytes = bytes(&source).await?;
+            breathe().await;
+            let file = parsed(&source.name(), bytes)?;
+            breathe().await;
+            loaded(file, around)?
         }
     };
     breathe().await;
     Ok((place.stage(scene)?, notes))
 }
 
-async fn read(name: &str, bytes: Vec<u8>) -> Result<(quell_trace::Scene, Vec<String>), LiveError> {
-    breathe().await;
-    let file = parsed(name, bytes)?;
-    breathe().await;
-    Ok(loaded(file))
+/// What a file holds.
+async fn bytes(source: &Source) -> Result<Vec<u8>, LiveError> {
+    match source {
+        Source::Named(address) => fetched(address).await.map_err(LiveError::Read),
+        Source::Dropped(file) => {
+            file.bytes_async().await.map_err(|error| LiveError::Read(format!("{}: {error}", source.name())))
+        }
+    }
 }
 
 /// A file's bytes; or why there are none, in words.

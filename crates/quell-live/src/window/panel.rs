@@ -1,12 +1,18 @@
 //! Controls. Those of parameters are made from their table, with its explanations.
 
-use super::app::{App, Saved};
-use super::opening::Source;
+use super::app::App;
+use super::opening::{Sky, Source};
+use super::views::{self, Saved};
+use crate::baselines::{AtrousConstants, BASELINE_CONSTANTS, SvgfConstants};
 use crate::choice::{Choice, DEBUG_VIEWS, Pane};
 use crate::pilot::{Mode, Pilot};
 use eframe::egui::{self, ComboBox, RichText, Slider, Ui};
 use quell::settings::{ABLATIONS, Kind, PARAMETERS, Parameter, Preset, Settings};
 use std::sync::Arc;
+
+/// What the times of the paper are.
+const PAPER: &str =
+    "The talk's table of 2017: its own GPU, at 1280x720. It times no tracer, and other extents take other times.";
 
 /// Ranges wider than this share get a slider by logarithm.
 const WIDE: f32 = 100.0;
@@ -24,7 +30,9 @@ impl App {
                 self.tracing_controls(ui);
                 self.camera_controls(ui);
                 self.lamp_controls(ui);
+                self.sky_controls(ui);
                 self.denoiser_controls(ui);
+                self.baseline_controls(ui);
                 self.files_controls(ui);
                 self.time_controls(ui);
             });
@@ -64,7 +72,8 @@ impl App {
                 }
             }
         });
-        let hint = "Built-in scenes. Files (.gltf, .glb) are opened by dropping them on the window.";
+        let hint =
+            "Built-in scenes. Files (.gltf, .glb; .hdr, .exr around them) are opened by dropping them on the window.";
         self.mark("scene", &shown.response);
         shown.response.on_hover_text(hint);
         if let Some(name) = wanted {
@@ -164,17 +173,13 @@ impl App {
             let Some(mut pilot) = app.pilot else { return };
             ui.horizontal_wrapped(|ui| {
                 let modes = [
-                    (Mode::Path, "path", "The scene's own camera."),
-                    (
-                        Mode::Orbit,
-                        "orbit",
-                        "Drag: about the point that is looked at. Right button: across. Wheel: nearer.",
-                    ),
-                    (Mode::Fly, "fly", "W, A, S, D, Q, E move, shift is faster; drag looks around."),
+                    (Mode::Path, "The scene's own camera."),
+                    (Mode::Orbit, "Drag: about the point that is looked at. Right button: across. Wheel: nearer."),
+                    (Mode::Fly, "W, A, S, D, Q, E move, shift is faster; drag looks around."),
                 ];
-                for (mode, name, hint) in modes {
-                    let response = ui.selectable_value(&mut pilot.mode, mode, name).on_hover_text(hint);
-                    app.mark(name, &response);
+                for (mode, hint) in modes {
+                    let response = ui.selectable_value(&mut pilot.mode, mode, mode.name()).on_hover_text(hint);
+                    app.mark(mode.name(), &response);
                 }
             });
             ui.horizontal_wrapped(|ui| {
@@ -189,10 +194,12 @@ impl App {
             });
             app.pilot = Some(pilot);
             ui.horizontal_wrapped(|ui| {
-                if app.button(ui, "save view", "Keeps where the camera is, and the time.") {
+                let hint = "Keeps where the camera is, and the time; also for the next time that this scene is opened.";
+                if app.saved.len() < views::MOST && app.button(ui, "save view", hint) {
                     app.saved.push(Saved { pilot, time: app.time });
+                    app.keep_views();
                 }
-                for number in 0..app.saved.len().min(32) {
+                for number in 0..app.saved.len() {
                     let name = format!("view {}", number + 1);
                     if app.button(ui, &name, "Goes back to it.")
                         && let Some(saved) = app.saved.get(number)
@@ -200,6 +207,10 @@ impl App {
                         app.time = saved.time;
                         app.pilot = Some(saved.pilot);
                     }
+                }
+                if !app.saved.is_empty() && app.button(ui, "forget views", "Those of this scene.") {
+                    app.saved.clear();
+                    app.keep_views();
                 }
                 let hint = "The view in words, as the option --view and a page's address take it.";
                 if app.button(ui, "view as text", hint) {
@@ -224,6 +235,34 @@ impl App {
                 if let (true, Some(stage)) = (response.changed(), app.engine.stage_mut()) {
                     stage.switch(number, on);
                 }
+            }
+        });
+    }
+
+    fn sky_controls(&mut self, ui: &mut Ui) {
+        self.part(ui, "environment", false, |app, ui| {
+            let Some(sky) = app.sky.clone() else {
+                ui.label(
+                    RichText::new("The scene's own. A .hdr or .exr file that is dropped takes its place.").small(),
+                );
+                return;
+            };
+            ui.label(RichText::new(sky.source.name()).small());
+            let mut turn = app.turn;
+            let degrees = ui.add(Slider::new(&mut turn.degrees, -180.0..=180.0).text("rotation"));
+            app.mark("environment rotation", &degrees);
+            let strength = ui.add(Slider::new(&mut turn.strength, 0.01..=100.0).logarithmic(true).text("strength"));
+            app.mark("environment strength", &strength);
+            app.turn = turn;
+            let degrees = degrees.on_hover_text("Degrees about the vertical, clockwise seen from above.");
+            let strength = strength.on_hover_text("Multiplies the picture.");
+            // The scene is made ready anew: once, at the end of a drag.
+            let is_held = degrees.dragged() || strength.dragged();
+            if !is_held && app.opening.is_none() && turn != sky.turn {
+                app.surround(Some(Sky { turn, ..sky }));
+            }
+            if app.button(ui, "scene's own", "The scene's own environment again.") {
+                app.surround(None);
             }
         });
     }
@@ -268,9 +307,7 @@ impl App {
         let response = match parameter.kind() {
             Kind::Number(least, most) => {
                 let mut value: f32 = text.parse().unwrap_or(least);
-                let wide = least >= 0.0 && most / least.max(most / 1e6) > WIDE && most > 1.0;
-                let slider = Slider::new(&mut value, least..=most).logarithmic(wide).text(short);
-                let response = ui.add(slider.smallest_positive(f64::from(most) / 1e4));
+                let response = number(ui, &mut value, [least, most], &short);
                 if response.changed() {
                     wanted = value.clamp(least, most).to_string();
                 }
@@ -317,6 +354,48 @@ impl App {
         }
     }
 
+    /// Constants of a-trous and SVGF.
+    fn baseline_controls(&mut self, ui: &mut Ui) {
+        self.part(ui, "baselines", false, |app, ui| {
+            let mut constants = app.choice.baselines;
+            ui.horizontal_wrapped(|ui| {
+                ui.label("constants");
+                if app.button(ui, "atrous", "Those of a-trous, as they were fitted.") {
+                    constants.atrous = AtrousConstants::default();
+                }
+                let hints = ["Those of SVGF's paper.", "The defaults of the code that SVGF's authors published later."];
+                for ((name, preset), hint) in SvgfConstants::PRESETS.into_iter().zip(hints) {
+                    if app.button(ui, name, hint) {
+                        constants.svgf = preset;
+                    }
+                }
+            });
+            for constant in BASELINE_CONSTANTS {
+                let mut value = constant.get(&constants);
+                let name = constant.name.replace(['.', '_'], " ");
+                let response = if constant.is_whole {
+                    let [least, most] = constant.range.map(|v| v as u32);
+                    let mut whole = value as u32;
+                    let response = ui.add(Slider::new(&mut whole, least..=most).text(name));
+                    value = whole as f32;
+                    response
+                } else {
+                    number(ui, &mut value, constant.range, &name)
+                };
+                if response.changed() {
+                    constant.set(&mut constants, value);
+                }
+                let response = response.on_hover_ui(|ui| {
+                    ui.strong(constant.name);
+                    ui.label(constant.doc);
+                    ui.label(RichText::new(constant.source).weak());
+                });
+                app.mark(constant.name, &response);
+            }
+            app.choice.baselines = constants.held();
+        });
+    }
+
     fn files_controls(&mut self, ui: &mut Ui) {
         ui.separator();
         ui.horizontal_wrapped(|ui| {
@@ -342,10 +421,27 @@ impl App {
             if app.times.0.is_empty() {
                 ui.label(RichText::new("this device has no timestamps").small().weak());
             }
-            egui::Grid::new("passes").num_columns(2).striped(true).show(ui, |ui| {
-                for (name, ms) in &app.times.0 {
-                    ui.label(RichText::new(*name).small());
-                    ui.label(RichText::new(format!("{ms:.3} ms")).small());
+            egui::Grid::new("passes").num_columns(3).striped(true).show(ui, |ui| {
+                if !app.times.0.is_empty() {
+                    let head = |text| RichText::new(text).small().weak();
+                    ui.label(head("pass"));
+                    ui.label(head("here"));
+                    let response = ui.label(head("paper")).on_hover_text(PAPER);
+                    app.mark("paper", &response);
+                    ui.end_row();
+                }
+                for pass in &app.times.0 {
+                    ui.label(RichText::new(pass.name).small());
+                    ui.label(RichText::new(format!("{:.3} ms", pass.milliseconds)).small());
+                    if let Some(ms) = pass.paper_milliseconds() {
+                        ui.label(RichText::new(format!("{ms:.2} ms")).small()).on_hover_text(PAPER);
+                    }
+                    ui.end_row();
+                }
+                if let Some([here, paper]) = app.times.beside_paper() {
+                    ui.label("stages of the paper");
+                    ui.label(format!("{here:.2} ms"));
+                    ui.label(format!("{paper:.2} ms")).on_hover_text(PAPER);
                     ui.end_row();
                 }
                 if !app.times.0.is_empty() {
@@ -361,6 +457,13 @@ impl App {
             });
         });
     }
+}
+
+/// A slider, by logarithm where its range is wide.
+fn number(ui: &mut Ui, value: &mut f32, [least, most]: [f32; 2], name: &str) -> egui::Response {
+    let wide = least >= 0.0 && most / least.max(most / 1e6) > WIDE && most > 1.0;
+    let slider = Slider::new(value, least..=most).logarithmic(wide).text(name);
+    ui.add(slider.smallest_positive(f64::from(most) / 1e4))
 }
 
 /// Frame times, newest to the right.

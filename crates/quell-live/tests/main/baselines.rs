@@ -4,7 +4,7 @@ use super::device::{choice, device, sight};
 use quell::{Frame, Plane, Rgb, Size};
 use quell_lab::methods::{Input, Method, atrous, svgf};
 use quell_lab::tone::Tone;
-use quell_live::{Choice, Engine, Pane};
+use quell_live::{AtrousConstants, BaselineConstants, Choice, Engine, Pane, SvgfConstants};
 
 const SIZE: Size = Size::new(64, 36);
 const FRAMES: u32 = 6;
@@ -33,28 +33,34 @@ fn denoised(method: &mut dyn Method, frame: &Frame<'_>) -> Plane<Rgb> {
     method.denoise(&Input { frame, halves: None }).unwrap()
 }
 
+/// The lab's methods with the same constants.
+fn of_lab(constants: &BaselineConstants) -> (svgf::Constants, atrous::Constants) {
+    let SvgfConstants { colour_alpha, moments_alpha, levels, feedback, sigma_z, sigma_l } = constants.svgf;
+    let (levels, feedback) = (levels as usize, feedback as usize);
+    let svgf = svgf::Constants { colour_alpha, moments_alpha, levels, feedback, sigma_z, sigma_l };
+    let AtrousConstants { levels, colour, normal, position } = constants.atrous;
+    (svgf, atrous::Constants { levels: levels as usize, colour, normal, position })
+}
+
 #[test]
-fn baselines_are_those_of_the_lab() {
+fn constants_are_those_of_the_lab() {
+    let of_svgf = |svgf| of_lab(&BaselineConstants { svgf, ..BaselineConstants::default() }).0;
+    let presets = SvgfConstants::PRESETS.map(|(name, svgf)| (name, of_svgf(svgf)));
+    assert_eq!(presets, svgf::VARIANTS);
+    assert_eq!(of_lab(&BaselineConstants::default()), (svgf::Constants::PAPER, atrous::Constants::default()));
+}
+
+/// Runs both on the device and in the lab, which must agree at every frame; at the last one the planted differences must be
+/// seen: half of the picture, name, method, and whether it forgets its history before every frame.
+fn compare(constants: &BaselineConstants, frames: u32, mut planted: Vec<(usize, &str, Box<dyn Method>, bool)>) {
     let Some(device) = device() else { return };
     let mut engine = device.engine(SIZE);
     let exposure = engine.stage().unwrap().scene().exposure;
-    let paper = svgf::Constants::PAPER;
-    let mut lab = [Box::new(svgf::Svgf::new("svgf", paper)) as Box<dyn Method>, Box::new(atrous::Atrous::default())];
-    let fitted = atrous::Constants::default();
-    // Differences that must be seen: constants, and history that is forgotten.
-    let mut planted: Vec<(usize, &str, Box<dyn Method>, bool)> = vec![
-        (0, "sigma_l", Box::new(svgf::Svgf::new("svgf", svgf::Constants { sigma_l: 8.0, ..paper })), false),
-        (0, "alpha", Box::new(svgf::Svgf::new("svgf", svgf::Constants { colour_alpha: 0.6, ..paper })), false),
-        (0, "feedback", Box::new(svgf::Svgf::new("svgf", svgf::Constants { feedback: 1, ..paper })), false),
-        (0, "levels", Box::new(svgf::Svgf::new("svgf", svgf::Constants { levels: 4, ..paper })), false),
-        (0, "history", Box::new(svgf::Svgf::new("svgf", paper)), true),
-        (1, "colour", Box::new(atrous::Atrous::new(atrous::Constants { colour: 10.0, ..fitted })), false),
-        (1, "normal", Box::new(atrous::Atrous::new(atrous::Constants { normal: 0.03, ..fitted })), false),
-        (1, "position", Box::new(atrous::Atrous::new(atrous::Constants { position: 0.03, ..fitted })), false),
-    ];
-    for number in 0..FRAMES {
+    let (svgf, atrous) = of_lab(constants);
+    let mut lab = [Box::new(svgf::Svgf::new("svgf", svgf)) as Box<dyn Method>, Box::new(atrous::Atrous::new(atrous))];
+    for number in 0..frames {
         let sight = sight(&engine, f64::from(number));
-        device.show(&mut engine, &sight, &both()).unwrap();
+        device.show(&mut engine, &sight, &Choice { baselines: *constants, ..both() }).unwrap();
         let shown = device.picture(&engine);
         let planes = device.planes(&engine).frame;
         let frame = planes.frame(&[]);
@@ -76,9 +82,51 @@ fn baselines_are_those_of_the_lab() {
             let wrong = denoised(method.as_mut(), &frame);
             let seen = beyond(&shown, &wrong, exposure, *half, 1);
             println!("frame {number}, planted {name}: {seen:.4}");
-            assert!(number + 1 < FRAMES || seen > 0.01, "planted {name} was not seen: {seen}");
+            assert!(number + 1 < frames || seen > 0.01, "planted {name} was not seen: {seen}");
         }
     }
+}
+
+#[test]
+fn baselines_are_those_of_the_lab() {
+    let paper = svgf::Constants::PAPER;
+    let fitted = atrous::Constants::default();
+    // Differences that must be seen: constants, and history that is forgotten.
+    let planted: Vec<(usize, &str, Box<dyn Method>, bool)> = vec![
+        (0, "sigma_l", Box::new(svgf::Svgf::new("svgf", svgf::Constants { sigma_l: 8.0, ..paper })), false),
+        (0, "alpha", Box::new(svgf::Svgf::new("svgf", svgf::Constants { colour_alpha: 0.6, ..paper })), false),
+        (0, "feedback", Box::new(svgf::Svgf::new("svgf", svgf::Constants { feedback: 1, ..paper })), false),
+        (0, "levels", Box::new(svgf::Svgf::new("svgf", svgf::Constants { levels: 4, ..paper })), false),
+        (0, "history", Box::new(svgf::Svgf::new("svgf", paper)), true),
+        (1, "colour", Box::new(atrous::Atrous::new(atrous::Constants { colour: 10.0, ..fitted })), false),
+        (1, "normal", Box::new(atrous::Atrous::new(atrous::Constants { normal: 0.03, ..fitted })), false),
+        (1, "position", Box::new(atrous::Atrous::new(atrous::Constants { position: 0.03, ..fitted })), false),
+    ];
+    compare(&BaselineConstants::default(), FRAMES, planted);
+}
+
+/// The later constants of SVGF's authors and other ones of a-trous; then ones at which the last level is the history.
+#[test]
+fn other_constants_reach_the_shaders() {
+    let atrous = AtrousConstants { levels: 3, colour: 8.0, normal: 0.1, position: 0.02 };
+    let (later, other) = of_lab(&BaselineConstants { svgf: SvgfConstants::LATER, atrous });
+    let planted: Vec<(usize, &str, Box<dyn Method>, bool)> = vec![
+        (0, "alpha", Box::new(svgf::Svgf::new("svgf", svgf::Constants { colour_alpha: 0.4, ..later })), false),
+        (0, "feedback", Box::new(svgf::Svgf::new("svgf", svgf::Constants { feedback: 0, ..later })), false),
+        (0, "sigma_l", Box::new(svgf::Svgf::new("svgf", svgf::Constants { sigma_l: 4.0, ..later })), false),
+        (1, "levels", Box::new(atrous::Atrous::new(atrous::Constants { levels: 1, ..other })), false),
+        (1, "fitted", Box::new(atrous::Atrous::default()), false),
+    ];
+    compare(&BaselineConstants { svgf: SvgfConstants::LATER, atrous }, FRAMES, planted);
+    let svgf =
+        SvgfConstants { levels: 2, feedback: 1, sigma_z: 0.3, sigma_l: 2.0, colour_alpha: 0.4, moments_alpha: 0.6 };
+    let (few, _) = of_lab(&BaselineConstants { svgf, atrous });
+    let planted: Vec<(usize, &str, Box<dyn Method>, bool)> = vec![
+        (0, "moments", Box::new(svgf::Svgf::new("svgf", svgf::Constants { moments_alpha: 0.2, ..few })), false),
+        (0, "sigma_z", Box::new(svgf::Svgf::new("svgf", svgf::Constants { sigma_z: 20.0, ..few })), false),
+    ];
+    let atrous = AtrousConstants { levels: 6, ..AtrousConstants::default() };
+    compare(&BaselineConstants { svgf, atrous }, 5, planted);
 }
 
 /// A frame's picture, four bytes a pixel.

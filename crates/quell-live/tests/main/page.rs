@@ -232,6 +232,14 @@ fn numbers(value: &Value) -> Vec<f64> {
     value.as_array().unwrap_or_else(|| panic!("{value}")).iter().map(|v| v.as_f64().unwrap()).collect()
 }
 
+/// A blue picture of 8x4 texels.
+fn sky() -> Vec<u8> {
+    let mut bytes = Vec::new();
+    let texels = [image::Rgb([0.2_f32, 0.4, 3.0]); 32];
+    image::codecs::hdr::HdrEncoder::new(&mut bytes).encode(&texels, 8, 4).unwrap();
+    bytes
+}
+
 #[test]
 fn the_page_is_opened_used_and_refuses_in_words() {
     let Some(files) = files() else { return };
@@ -244,6 +252,8 @@ fn the_page_is_opened_used_and_refuses_in_words() {
         ("rooms/rich.glb".to_owned(), room.clone()),
         ("cut.glb".to_owned(), room[..room.len() / 2].to_vec()),
         ("no.gltf".to_owned(), b"{ \"asset\": ".to_vec()),
+        ("sky.hdr".to_owned(), sky()),
+        ("cut.exr".to_owned(), b"nothing of the kind".to_vec()),
     ];
     let server = Server::start(files.into_iter().chain(further).collect());
     let Some(browser) = Browser::start_with(640, 700, &SOFTWARE) else {
@@ -288,6 +298,7 @@ fn the_page_is_opened_used_and_refuses_in_words() {
     for (file, words) in [
         ("cut.glb", "cut.glb"),
         ("no.gltf", "no.gltf"),
+        ("cut.exr", "cut.exr cannot be decoded"),
         ("none.glb", "404"),
         ("cornel-box", "did you mean cornell-box"),
     ] {
@@ -311,6 +322,9 @@ fn the_page_is_opened_used_and_refuses_in_words() {
     page.browser.wheel(page.at("picture", 0.7, 0.5), -200);
     let nearer = page.until("a nearer eye", |report| report["eye"] != turned["eye"]);
     assert_eq!(nearer["camera"], "Orbit");
+    // A view outlives the page.
+    page.click("save view");
+    page.until("a saved view", |report| report["views"] == 1);
     page.click("fly");
     page.until("a flight", |report| report["camera"] == "Fly");
     page.drag(page.at("split 1", 0.5, 0.6), page.at("picture", 0.2, 0.6));
@@ -327,9 +341,11 @@ fn the_page_is_opened_used_and_refuses_in_words() {
     page.look("used.png", false);
 
     // A file by the address, without controls; a click brings them, Tab hides them.
-    page.browser.visit(&server.address("index.html?scene=rooms/rich.glb&size=128x72&panel=off"));
+    let file = "index.html?scene=rooms/rich.glb&environment=sky.hdr&environment-strength=2&size=128x72&panel=off";
+    page.browser.visit(&server.address(file));
     let file = page.until("a file's frames", |report| report["frame"].as_i64() >= Some(2));
     assert_eq!((&file["scene"], &file["error"]), (&"rooms/rich.glb".into(), &Value::Null));
+    assert_eq!(file["environment"], "sky.hdr");
     assert!(file["marks"]["scene"].is_null());
     page.freeze();
     let (light, steps) = page.look("file.png", true);
@@ -338,6 +354,10 @@ fn the_page_is_opened_used_and_refuses_in_words() {
     page.until("controls", |report| report["marks"]["scene"].is_array());
     page.browser.key("\u{e004}");
     page.until("no controls", |report| report["marks"]["scene"].is_null());
+    page.go_on();
+    page.browser.value("quell.open('disocclusion')");
+    let found = page.until("the saved view", |report| report["scene"] == "disocclusion");
+    assert_eq!((&found["views"], &found["environment"]), (&1.into(), &"sky.hdr".into()));
 
     let complaints = page.browser.complaints();
     let others: Vec<_> = complaints.iter().filter(|c| !c.contains("none.glb")).collect();

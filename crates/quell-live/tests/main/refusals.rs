@@ -41,8 +41,8 @@ fn cameras_and_scenes_that_cannot_be_used_are_refused() {
     // The frame after is as if nothing had been asked.
     assert!(device.show(&mut engine, &good, &choice()).is_ok());
 
-    assert!(open("cornel-box").unwrap_err().to_string().contains("did you mean cornell-box"));
-    assert!(open("/nonexistent/room.glb").unwrap_err().to_string().contains("room.glb"));
+    assert!(open("cornel-box", None).unwrap_err().to_string().contains("did you mean cornell-box"));
+    assert!(open("/nonexistent/room.glb", None).unwrap_err().to_string().contains("room.glb"));
 }
 
 /// A device that gives as little to a buffer as this.

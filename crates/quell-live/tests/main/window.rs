@@ -30,6 +30,13 @@ click SVGF 0.1
 frames 2
 report baselines.json
 window baselines.png
+click baselines 0.1
+click svgf:later
+drag atrous.levels 0.2 0.5 0.02 0.5
+frames 1
+report constants.json
+window constants.png
+click baselines 0.1
 click a-trous 0.1
 click SVGF 0.1
 click pictures 0.1
@@ -54,6 +61,7 @@ frames 1
 window turned.png
 wheel picture 1
 report nearer.json
+click "save view"
 frames 1
 window nearer.png
 click "record path"
@@ -77,6 +85,26 @@ resize 320 180
 frames 1
 window end.png
 report end.json
+close
+"#;
+
+/// A second window, later, with the same folder: the view is still there, and a picture surrounds the scene.
+const LATER: &str = r#"
+open disocclusion
+frames 1
+report found.json
+key D 2
+click "view 1"
+report again.json
+open sky.hdr
+frames 2
+report sky.json
+window sky.png
+open /nonexistent/sky.exr
+frames 1
+report cloudy.json
+click "forget views"
+report forgotten.json
 close
 "#;
 
@@ -129,15 +157,19 @@ fn the_window_is_opened_clicked_through_and_closed() {
     let folder = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join("live-window");
     let _ = std::fs::remove_dir_all(&folder);
     std::fs::create_dir_all(&folder).unwrap();
-    std::fs::write(folder.join("script.txt"), SCRIPT).unwrap();
-    let output = Command::new(xvfb)
-        .args(["-a", "-s", "-screen 0 1024x768x24", env!("CARGO_BIN_EXE_quell-live"), "cornell-box"])
-        .args(["--window", "320x180", "--device", "llvmpipe", "--out", ".", "--script", "script.txt"])
-        .current_dir(&folder)
-        .stdin(Stdio::null())
-        .output()
-        .unwrap();
-    let said = String::from_utf8_lossy(&output.stdout).into_owned() + &String::from_utf8_lossy(&output.stderr);
+    let run = |script: &str| {
+        std::fs::write(folder.join("script.txt"), script).unwrap();
+        let output = Command::new(&xvfb)
+            .args(["-a", "-s", "-screen 0 1024x768x24", env!("CARGO_BIN_EXE_quell-live"), "cornell-box"])
+            .args(["--window", "320x180", "--device", "llvmpipe", "--out", ".", "--script", "script.txt"])
+            .current_dir(&folder)
+            .stdin(Stdio::null())
+            .output()
+            .unwrap();
+        let said = String::from_utf8_lossy(&output.stdout).into_owned() + &String::from_utf8_lossy(&output.stderr);
+        (output, said)
+    };
+    let (output, said) = run(SCRIPT);
     if !output.status.success() && said.contains("no adapter") {
         return skipped("lavapipe cannot show a window here");
     }
@@ -182,6 +214,12 @@ fn the_window_is_opened_clicked_through_and_closed() {
     assert_eq!(baselines["error"], Value::Null);
     assert_eq!(baselines["panes"], serde_json::json!(["noisy", "a-trous", "SVGF", "quell"]));
 
+    let constants = read("constants.json");
+    let of = |report: &Value, name: &str| report["baselines"][name].as_f64().unwrap();
+    assert_eq!((of(&baselines, "svgf.sigma_l"), of(&constants, "svgf.sigma_l")), (4.0, 10.0));
+    assert!(of(&constants, "atrous.levels") < of(&baselines, "atrous.levels"), "{constants}");
+    assert_eq!(constants["error"], Value::Null);
+
     let (flown, turned, nearer) = (read("flown.json"), read("turned.json"), read("nearer.json"));
     assert_eq!((&flown["camera"], &turned["camera"]), (&"Fly".into(), &"Orbit".into()));
     assert_ne!(flown["eye"], preset["eye"]);
@@ -219,5 +257,23 @@ fn the_window_is_opened_clicked_through_and_closed() {
     assert_eq!(numbers(&end["size"])[1], numbers(&begin["size"])[1]);
     let (light, _) = look(&folder, "end.png", &end);
     assert!(light > 20.0, "the picture has gone dark: {light}");
+
+    let sky = std::fs::File::create(folder.join("sky.hdr")).unwrap();
+    let blue = [image::Rgb([0.2_f32, 0.4, 3.0]); 32];
+    image::codecs::hdr::HdrEncoder::new(sky).encode(&blue, 8, 4).unwrap();
+    let (output, said) = run(LATER);
+    assert!(output.status.success(), "{said}");
+    let (found, again) = (read("found.json"), read("again.json"));
+    assert_eq!((&found["views"], &found["environment"]), (&1.into(), &Value::Null));
+    for (a, b) in numbers(&again["eye"]).iter().zip(numbers(&nearer["eye"])) {
+        assert!((a - b).abs() < 1e-3, "{} {}", again["eye"], nearer["eye"]);
+    }
+    let sky = read("sky.json");
+    assert_eq!((&sky["scene"], &sky["environment"]), (&"disocclusion".into(), &"sky.hdr".into()));
+    assert_eq!((&sky["error"], &sky["eye"]), (&Value::Null, &again["eye"]));
+    let cloudy = read("cloudy.json");
+    assert!(cloudy["error"].as_str().unwrap().starts_with("cannot read /nonexistent/sky.exr"), "{cloudy}");
+    assert_eq!(cloudy["environment"], "sky.hdr", "a refused picture keeps the last good one");
+    assert_eq!(read("forgotten.json")["views"], 0);
     println!("pictures of the window: {}", folder.display());
 }

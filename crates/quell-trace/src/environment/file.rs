@@ -7,7 +7,7 @@ use exr::prelude::{ReadChannels, ReadLayers};
 use image::ImageDecoder;
 use quell::{Plane, Rgb, Size};
 use std::fs::File;
-use std::io::{BufReader, Read};
+use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
 
 /// Most texels of an environment map: 8192 x 4096. With its sampling distribution such a map takes 0.5 GiB.
@@ -76,11 +76,50 @@ pub struct EnvironmentFile {
 /// [`EnvironmentFileError`]: the file and what is wrong with it. The extent is checked before anything of its size is
 /// allocated.
 pub fn read(path: &Path) -> Result<EnvironmentFile, EnvironmentFileError> {
+    let format = format(path)?;
+    let (reader, length) = open(path)?;
+    usable(format, path, reader, length)
+}
+
+/// The same of a file that lies in memory, as browsers hand over what they fetch. `path`: its name.
+///
+/// # Errors
+/// As [`read`].
+pub fn read_bytes(path: &Path, bytes: &[u8]) -> Result<EnvironmentFile, EnvironmentFileError> {
+    usable(format(path)?, path, bytes, bytes.len() as u64)
+}
+
+/// Whether the end of its name says that this is an environment map.
+pub fn is_named(path: &Path) -> bool {
+    format(path).is_ok()
+}
+
+/// What a file's name says.
+#[derive(Clone, Copy)]
+enum Format {
+    Hdr,
+    Exr,
+}
+
+fn format(path: &Path) -> Result<Format, EnvironmentFileError> {
     let extension = path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_ascii_lowercase();
-    let mut texels = match extension.as_str() {
-        "hdr" | "pic" => read_hdr(path)?,
-        "exr" => read_exr(path)?,
-        _ => return Err(EnvironmentFileError::Format { path: path.to_owned() }),
+    match extension.as_str() {
+        "hdr" | "pic" => Ok(Format::Hdr),
+        "exr" => Ok(Format::Exr),
+        _ => Err(EnvironmentFileError::Format { path: path.to_owned() }),
+    }
+}
+
+/// Decodes `length` bytes and repairs the texels.
+fn usable(
+    format: Format,
+    path: &Path,
+    reader: impl BufRead,
+    length: u64,
+) -> Result<EnvironmentFile, EnvironmentFileError> {
+    let mut texels = match format {
+        Format::Hdr => read_hdr(path, reader, length)?,
+        Format::Exr => read_exr(path, reader, length)?,
     };
     let mut repaired = 0;
     for texel in texels.data_mut() {
@@ -95,6 +134,13 @@ pub fn read(path: &Path) -> Result<EnvironmentFile, EnvironmentFileError> {
 }
 
 impl EnvironmentFile {
+    /// What a user should know of it: which texels were repaired. `path`: the file's name.
+    pub fn note(&self, path: &Path) -> Option<String> {
+        let count = self.repaired;
+        let note = || format!("{}: {count} texels were not finite or negative; they became 0 or 65504", path.display());
+        (count > 0).then(note)
+    }
+
     /// Puts the map around a scene, in place of what was there, and makes it part of the scene's identity.
     /// `rotation_rad` turns it about the vertical, `strength` multiplies it.
     ///
@@ -128,9 +174,8 @@ fn check_extent(path: &Path, width: usize, height: usize, length: u64) -> Result
     }
 }
 
-fn read_hdr(path: &Path) -> Result<Plane<Rgb>, EnvironmentFileError> {
+fn read_hdr(path: &Path, reader: impl BufRead, length: u64) -> Result<Plane<Rgb>, EnvironmentFileError> {
     let wrong = |e: image::ImageError| EnvironmentFileError::Decode { path: path.to_owned(), reason: e.to_string() };
-    let (reader, length) = open(path)?;
     let decoder = image::codecs::hdr::HdrDecoder::new(reader).map_err(wrong)?;
     let (width, height) = decoder.dimensions();
     let size = check_extent(path, width as usize, height as usize, length)?;
@@ -139,9 +184,8 @@ fn read_hdr(path: &Path) -> Result<Plane<Rgb>, EnvironmentFileError> {
     Ok(Plane::from_fn(size, |_, _| values.next().unwrap_or_default()))
 }
 
-fn read_exr(path: &Path) -> Result<Plane<Rgb>, EnvironmentFileError> {
+fn read_exr(path: &Path, mut reader: impl BufRead, length: u64) -> Result<Plane<Rgb>, EnvironmentFileError> {
     let wrong = |e: exr::error::Error| EnvironmentFileError::Decode { path: path.to_owned(), reason: e.to_string() };
-    let (mut reader, length) = open(path)?;
     let mut bytes = Vec::new();
     let io = |source| EnvironmentFileError::Io { path: path.to_owned(), source };
     reader.read_to_end(&mut bytes).map_err(io)?;
@@ -199,7 +243,8 @@ mod tests {
             let path = folder.join(name);
             write(&path, picture);
             let file = read(&path).unwrap();
-            assert_eq!(file.repaired, 0);
+            assert_eq!((file.repaired, file.note(&path)), (0, None));
+            assert_eq!(read_bytes(Path::new(name), &std::fs::read(&path).unwrap()).unwrap(), file);
             assert_eq!(file.texels, Plane::from_fn(Size::new(16, 8), picture), "{name}");
             // Column 12 is a quarter to the right of the middle (-z): +x.
             let right = Vec3::new(1.0, 0.6, 0.0).normalize();
@@ -233,6 +278,7 @@ mod tests {
         });
         let file = read(&path).unwrap();
         assert_eq!(file.repaired, 3);
+        assert!(file.note(Path::new("map.exr")).unwrap().starts_with("map.exr: 3 texels"));
         assert_eq!(file.texels.row(0)[..4], [[0.0, 1.0, 1.0], [1.0, 0.0, 1.0], [1.0, 1.0, BRIGHTEST], [1e6, 1.0, 1.0]]);
         assert!(Environment::map(file.texels, 0.0, 1.0).is_ok());
         std::fs::remove_dir_all(folder).unwrap();
@@ -244,6 +290,8 @@ mod tests {
         assert!(matches!(read(&folder.join("none.hdr")), Err(EnvironmentFileError::Io { .. })));
         assert!(matches!(read(&folder.join("map.png")), Err(EnvironmentFileError::Format { .. })));
         assert!(matches!(read(&folder), Err(EnvironmentFileError::Format { .. })));
+        assert!(matches!(read_bytes(Path::new("map.png"), b""), Err(EnvironmentFileError::Format { .. })));
+        assert!(is_named(Path::new("Sky.HDR")) && !is_named(Path::new("sky.glb")));
         for name in ["map.hdr", "map.exr"] {
             let path = folder.join(name);
             std::fs::write(&path, b"nothing of the kind").unwrap();
@@ -255,6 +303,7 @@ mod tests {
             for cut in (0..whole.len()).step_by(7) {
                 std::fs::write(&path, &whole[..cut]).unwrap();
                 assert!(read(&path).is_err(), "{name} cut at {cut}");
+                assert!(read_bytes(Path::new(name), &whole[..cut]).is_err(), "{name} cut at {cut}");
             }
         }
         let path = folder.join("huge.hdr");
