@@ -135,12 +135,31 @@ fn bsdf_of(point: SurfacePoint, direction: vec3f) -> Bsdf {
     return bsdf_new(point.material, point.shading_normal, point.geometric_normal, -direction, !point.front);
 }
 
-// Whether a surface is looked through, and how; a density of 0: it is not.
+// Whether a surface is looked through, and how; a density of 0: it is not. In a mirror it may be looked into.
 fn link_of(b: Bsdf) -> TransmissionSample {
     if !GLASS || !bsdf_is_transmissive(b) || !bsdf_is_delta_only(b) || !bsdf_is_transmission_delta(b) {
         return TransmissionSample(vec3f(), vec3f(), 0.0, true);
     }
     return bsdf_delta_transmission(b);
+}
+
+fn mirror_link_of(b: Bsdf) -> TransmissionSample {
+    if !MIRRORS || bsdf_is_transmissive(b) || !bsdf_is_delta_only(b) {
+        return TransmissionSample(vec3f(), vec3f(), 0.0, true);
+    }
+    let wi = bsdf_mirror_direction(b);
+    return TransmissionSample(wi, b.fresnel_mirror, select(0.0, 1.0, bsdf_is_above(b, wi)), true);
+}
+
+// What unfolds a chain of mirrors, with one more at its end: a point behind it is mirrored in that first.
+fn unfolded(chain: mat4x3f, point: vec3f, normal: vec3f) -> mat4x3f {
+    let across = chain * vec4f(normal, 0.0);
+    return mat4x3f(
+        chain[0] - 2.0 * normal.x * across,
+        chain[1] - 2.0 * normal.y * across,
+        chain[2] - 2.0 * normal.z * across,
+        chain[3] + 2.0 * dot(point, normal) * across,
+    );
 }
 
 @compute @workgroup_size(8, 8)
@@ -160,6 +179,9 @@ fn primary(@builtin(global_invocation_id) id: vec3u) {
     var throughput = vec3f(1.0);
     var reach = 0.0;
     var glass = 0u;
+    var mirrors = 0u;
+    var unfold = mat4x3f(vec3f(1.0, 0.0, 0.0), vec3f(0.0, 1.0, 0.0), vec3f(0.0, 0.0, 1.0), vec3f());
+    var previous_unfold = unfold;
     var veils = 0u;
     var behind = 0u;
     var chain_id = 0u;
@@ -202,8 +224,12 @@ fn primary(@builtin(global_invocation_id) id: vec3u) {
             throughput *= opacity;
         }
         slot.throughput = throughput;
-        let next = link_of(b);
-        let looked_through = next.pdf > 0.0 && glass < MAX_CHAIN
+        var next = link_of(b);
+        let is_mirror = MIRRORS && next.pdf <= 0.0;
+        if is_mirror {
+            next = mirror_link_of(b);
+        }
+        let looked_through = next.pdf > 0.0 && glass + mirrors < MAX_CHAIN
             && max_element(emitted(point.material, point.front)) <= 0.0;
         if !looked_through {
             slot.flags = select(OCCUPIED, OCCUPIED | BEHIND_GLASS, glass > 0u);
@@ -212,10 +238,16 @@ fn primary(@builtin(global_invocation_id) id: vec3u) {
             var before = previous_position(point);
             var normal = b.normal;
             var surface_id = point.instance + 1u;
-            if glass > 0u {
+            if glass + mirrors > 0u {
                 // Seen at the end of a chain: unfolded, as if the eye ray had gone on straight.
                 position = eye.origin + eye.direction * reach;
-                before += position - point.position;
+                var straight = point.position;
+                if MIRRORS && mirrors > 0u {
+                    straight = unfold * vec4f(straight, 1.0);
+                    before = previous_unfold * vec4f(before, 1.0);
+                    normal = unfold * vec4f(normal, 0.0);
+                }
+                before += position - straight;
                 let away = dot(normal, eye.direction);
                 if away > -MIN_VIEW_COS {
                     normal = normalize_or(normal - eye.direction * (away + MIN_VIEW_COS), -eye.direction);
@@ -233,6 +265,16 @@ fn primary(@builtin(global_invocation_id) id: vec3u) {
             set_motion(i, motion_of(vec4f(position - frame.eye, 1.0), vec4f(before - frame.eye, 1.0)));
             set_plane1(SURFACE_ID, i, bitcast<f32>(surface_id));
             break;
+        }
+        if is_mirror {
+            chain_id = chain_id * 31u + point.instance + 1u;
+            unfold = unfolded(unfold, point.position, b.normal);
+            previous_unfold = unfolded(previous_unfold, previous_position(point), previous_normal(point, b.normal));
+            mirrors += 1u;
+            throughput *= next.weight;
+            origin = ray_origin(point, next.wi);
+            direction = next.wi;
+            continue;
         }
         if dot(next.wi, direction) < 1.0 - 1e-6 {
             chain_id = chain_id * 31u + point.instance + 1u;

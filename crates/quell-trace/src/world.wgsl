@@ -138,6 +138,28 @@ fn previous_position(p: SurfacePoint) -> vec3f {
     return instances[p.instance].previous * vec4f(at, 1.0);
 }
 
+// A normal of a surface point, turned back to where it was one frame before: as the triangle turned.
+fn previous_normal(p: SurfacePoint, normal: vec3f) -> vec3f {
+    if has_flag(instances[p.instance].flags, STILL) {
+        return normal;
+    }
+    let a = triangles[p.triangle].a * frame.world_from_inner;
+    let u = triangles[p.triangle].b * frame.world_from_inner - a;
+    let v = triangles[p.triangle].c * frame.world_from_inner - a;
+    let n = normalize_or(cross(u, v), vec3f());
+    let corners = corners_of(p.triangle);
+    let first = instances[p.instance].previous_positions;
+    let place = instances[p.instance].previous;
+    let previous_a = place * vec4f(attribute3(first, corners.x), 1.0);
+    let previous_u = place * vec4f(attribute3(first, corners.y), 1.0) - previous_a;
+    let previous_v = place * vec4f(attribute3(first, corners.z), 1.0) - previous_a;
+    let previous_n = normalize_or(cross(previous_u, previous_v), vec3f());
+    // Normals go by the inverse transpose of the map from (u, v, n) to those of before.
+    let turned = cross(previous_v, previous_n) * dot(u, normal) + cross(previous_n, previous_u) * dot(v, normal)
+        + cross(previous_u, previous_v) * dot(n, normal);
+    return normalize_or(turned, normal);
+}
+
 // Radiance of a point of an emissive triangle at the finest level, times the share of the point that is there.
 fn radiance_of(triangle: u32, barycentrics: vec3f) -> vec3f {
     let instance = triangles[triangle].instance;

@@ -9,9 +9,6 @@ pub enum GpuError {
     /// The scene, the camera or the size cannot be used by any tracer.
     #[error(transparent)]
     Trace(#[from] TraceError),
-    /// Only the CPU's tracer follows the eye in mirrors.
-    #[error("primary surface replacement in mirrors is not there on the GPU; take glass only, or the CPU's tracer")]
-    Mirrors,
     /// The scene does not fit in the device's buffers.
     #[error("the scene's {what} take {needed} bytes, and this device's limit is {limit}; --backend cpu traces it")]
     TooLarge {

@@ -204,7 +204,7 @@ impl LiveTracer {
     /// # Errors
     /// As [`LiveTracer::encode`].
     pub fn bytes_per_pixel(&self, options: &RenderOptions) -> Result<[(&'static str, u32); 4], GpuError> {
-        let variant = self.scenery.variant_of(options)?;
+        let variant = self.scenery.variant_of(options);
         let mut bytes = TIMED.map(|name| (name, 0));
         for step in frame_steps(options, variant) {
             let name = timed_as(step.0, &step.1);
@@ -231,7 +231,7 @@ impl LiveTracer {
 
     /// What was kept, where it still fits.
     fn keep(&mut self, options: &RenderOptions) -> Result<Kept, GpuError> {
-        let variant = self.scenery.variant_of(options)?;
+        let variant = self.scenery.variant_of(options);
         let (plane_count, work) = Scenery::shape_of(options);
         let rows = self.scenery.rows(options.size, variant, plane_count, work);
         if let Some(kept) = self.kept.take() {
@@ -251,7 +251,7 @@ impl LiveTracer {
     /// `times` is asked before each pass, by its name among [`TIMED`], where to write its timestamps.
     ///
     /// # Errors
-    /// A size or camera that cannot be used; [`GpuError::Mirrors`]. Nothing was encoded then.
+    /// A size or camera that cannot be used. Nothing was encoded then.
     pub fn encode<'q>(
         &mut self,
         encoder: &mut wgpu::CommandEncoder,

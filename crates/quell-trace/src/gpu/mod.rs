@@ -93,7 +93,7 @@ impl<'s> GpuTracer<'s> {
     /// Traces the frame, as [`Tracer::render`] does.
     ///
     /// # Errors
-    /// A size or camera that cannot be used; [`GpuError::Mirrors`]; [`TraceError::Cancelled`]; what `run` fails with.
+    /// A size or camera that cannot be used; [`TraceError::Cancelled`]; what `run` fails with.
     pub fn render<E: From<GpuError>>(
         &self,
         options: &RenderOptions,
@@ -118,7 +118,7 @@ impl<'s> GpuTracer<'s> {
         control: &Control<'_>,
         run: impl Run<E>,
     ) -> Result<Reference, E> {
-        let variant = self.scenery.variant_of(options)?;
+        let variant = self.scenery.variant_of(options);
         let mut result = ReferenceResult::new(options.size, kind, &samples);
         let views = self.tracer.views(options.size, options.jitter).map_err(|e| GpuError::from(TraceError::from(e)))?;
         let bands = self.scenery.bands(options.size, variant, layout::REFERENCE_PLANES, REFERENCE_WORK)?;

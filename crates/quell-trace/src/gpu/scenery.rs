@@ -167,12 +167,10 @@ impl Scenery {
         parts.chain([("textures", u64::from(size.width) * u64::from(size.height) * layers * 4)]).collect()
     }
 
-    pub(super) fn variant_of(&self, options: &RenderOptions) -> Result<Variant, GpuError> {
-        if options.primary_replacement == PrimaryReplacement::GlassAndMirrors {
-            return Err(GpuError::Mirrors);
-        }
+    pub(super) fn variant_of(&self, options: &RenderOptions) -> Variant {
         let looks_through = self.variant.transmissive && options.primary_replacement != PrimaryReplacement::Off;
-        Ok(Variant { looks_through, ..self.variant })
+        let mirrors = options.primary_replacement == PrimaryReplacement::GlassAndMirrors;
+        Variant { looks_through, mirrors, ..self.variant }
     }
 
     /// Planes of a frame and work for each of its pixels.
@@ -220,7 +218,7 @@ impl Scenery {
         run: impl Run<E>,
         take: impl FnMut(&Range<usize>, &[u8]),
     ) -> Result<(), E> {
-        let variant = self.variant_of(options)?;
+        let variant = self.variant_of(options);
         let (planes, work) = Self::shape_of(options);
         let bands = self.bands(options.size, variant, planes, work)?;
         let steps = frame_steps(options, variant);

@@ -20,6 +20,8 @@ pub(super) struct Variant {
     pub(super) transmissive: bool,
     /// The eye looks through smooth glass.
     pub(super) looks_through: bool,
+    /// The eye looks into perfect mirrors.
+    pub(super) mirrors: bool,
     /// Parallel light, or an environment.
     pub(super) infinite: bool,
     pub(super) environment: bool,
@@ -128,6 +130,7 @@ fn constants(v: Variant) -> String {
         ("PATTERNED", v.patterned),
         ("TRANSMISSIVE", v.transmissive),
         ("GLASS", v.looks_through),
+        ("MIRRORS", v.mirrors),
         ("HAS_INFINITE", v.infinite),
         ("HAS_ENVIRONMENT", v.environment),
         ("HAS_MAP", v.map),

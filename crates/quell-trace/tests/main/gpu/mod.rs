@@ -3,5 +3,6 @@
 mod canaries;
 mod device;
 mod everything;
+mod mirrors;
 mod pixels;
 mod statistics;

@@ -3,9 +3,7 @@
 use super::device::{Device, device};
 use quell::Size;
 use quell_trace::gpu::GpuError;
-use quell_trace::{
-    Control, Half, PrimaryReplacement, Reference, ReferenceKind, RenderOptions, Scene, builtin, builtin_scenes,
-};
+use quell_trace::{Control, Half, Reference, ReferenceKind, RenderOptions, Scene, builtin, builtin_scenes};
 
 /// Standard deviations that the mean difference of all pixels may have, and share of pixels beyond four.
 const MOST_MEAN: f64 = 4.0;
@@ -54,13 +52,9 @@ fn references_differ_by_noise_only() {
 }
 
 #[test]
-fn what_only_the_cpu_knows_is_refused() {
+fn a_picture_without_pixels_is_refused() {
     let Some(device) = device() else { return };
     let scene = builtin("cornell-box").unwrap();
-    let primary_replacement = PrimaryReplacement::GlassAndMirrors;
-    let options = RenderOptions { primary_replacement, ..RenderOptions::new(Size::new(4, 4)) };
-    let error = device.render(&device.tracer(&scene, 0, 1), &options).unwrap_err();
-    assert!(matches!(error, GpuError::Mirrors) && error.to_string().contains("mirrors"), "{error}");
     let empty = RenderOptions::new(Size::new(0, 4));
     assert!(matches!(device.render(&device.tracer(&scene, 0, 1), &empty), Err(GpuError::Trace(_))));
 }
