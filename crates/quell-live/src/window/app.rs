@@ -1,7 +1,7 @@
 //! What is open, what is shown, and the frame that is asked of the engine.
 
 #[cfg(not(target_arch = "wasm32"))]
-use super::drive::Drive;
+use super::drive::{Drive, Script};
 #[cfg(not(target_arch = "wasm32"))]
 use super::film::Film;
 use super::marks::Marks;
@@ -50,8 +50,20 @@ pub(super) struct Start {
     pub(super) view: Option<View>,
     /// Whether controls are shown.
     pub(super) shows_panel: bool,
+    /// What was chosen before the device was lost.
+    pub(super) choice: Option<Choice>,
     #[cfg(not(target_arch = "wasm32"))]
-    pub(super) script: Option<String>,
+    pub(super) script: Option<Script>,
+    #[cfg(not(target_arch = "wasm32"))]
+    pub(super) lost: Lost,
+}
+
+/// Whether the device was lost, and what a window that is opened anew goes on with. A page is loaded anew by its user.
+#[cfg(not(target_arch = "wasm32"))]
+#[derive(Clone, Debug, Default)]
+pub(super) struct Lost {
+    pub(super) is_lost: Arc<AtomicBool>,
+    pub(super) kept: Arc<Mutex<Option<Box<Start>>>>,
 }
 
 /// What a device said by itself.
@@ -107,6 +119,9 @@ pub(super) struct App {
     pub(super) film: Film,
     #[cfg(not(target_arch = "wasm32"))]
     pub(super) drive: Option<Drive>,
+    /// How it was begun.
+    #[cfg(not(target_arch = "wasm32"))]
+    start: Start,
     pub(super) shows_panel: bool,
     view: Option<View>,
     started: bool,
@@ -133,12 +148,15 @@ impl App {
         let engine = Engine::new(&device, &queue, size)?;
         let texture =
             state.renderer.write().register_native_texture(&device, engine.picture(), wgpu::FilterMode::Nearest);
+        let given = start.choice.clone();
         let mut app = Self {
+            #[cfg(not(target_arch = "wasm32"))]
+            start: start.clone(),
             adapter: if is_software { format!("{} (software: slow)", info.name) } else { info.name },
             renderer: Arc::clone(&state.renderer),
             engine,
             texture,
-            choice: Choice::default(),
+            choice: given.clone().unwrap_or_default(),
             pilot: None,
             saved: Vec::new(),
             name: String::new(),
@@ -171,14 +189,14 @@ impl App {
             #[cfg(not(target_arch = "wasm32"))]
             film: Film::default(),
             #[cfg(not(target_arch = "wasm32"))]
-            drive: start.script.map(|script| Drive::new(&script)),
+            drive: start.script.map(Drive::new),
             shows_panel: start.shows_panel,
             view: start.view,
             started: false,
             device,
             queue,
         };
-        if is_software {
+        if is_software && given.is_none() {
             app.choice.tracing.direct_samples = 4;
         }
         app.begin(Source::Named(start.source), start.sky, false);
@@ -279,6 +297,30 @@ impl App {
             self.time = 0.0;
             self.engine.reset();
         }
+    }
+
+    /// The device is lost: nothing may be drawn any more (egui ends the program at the first buffer that it cannot make),
+    /// and the window closes. Another one goes on with this scene, view and choice.
+    #[cfg(not(target_arch = "wasm32"))]
+    fn leave(&self, ctx: &egui::Context) {
+        let mut start = self.start.clone();
+        if let (Some(source), Some(pilot)) = (&self.source, &self.pilot) {
+            start.source = source.name();
+            let is_users = pilot.mode != Mode::Path;
+            start.view = is_users.then(|| pilot.words(self.time).parse().ok()).flatten();
+            start.sky = self.sky.clone();
+        }
+        start.scale = Some(self.scale);
+        start.shows_panel = self.shows_panel;
+        start.choice = Some(self.choice.clone());
+        *self.start.lost.kept.lock().unwrap_or_else(PoisonError::into_inner) = Some(Box::new(start));
+        ctx.graphics_mut(|graphics| *graphics = egui::layers::GraphicLayers::default());
+        ctx.send_viewport_cmd(egui::ViewportCommand::Close);
+    }
+
+    #[cfg(not(target_arch = "wasm32"))]
+    fn is_lost(&self) -> bool {
+        self.start.lost.is_lost.load(Ordering::Acquire)
     }
 
     /// A script stands in for the user.
@@ -560,6 +602,11 @@ impl eframe::App for App {
         let now = ctx.input(|i| i.time);
         // Callbacks are heard; nothing is waited for. A device that is lost says so by its own callback.
         let _ = self.device.poll(wgpu::PollType::Poll);
+        #[cfg(not(target_arch = "wasm32"))]
+        if self.is_lost() {
+            self.leave(&ctx);
+            return;
+        }
         let dropped = ctx.input(|i| i.raw.dropped_files.clone());
         for file in dropped {
             self.open(Source::Dropped(file));
@@ -580,6 +627,10 @@ impl eframe::App for App {
         if let Some(mut drive) = self.drive.take() {
             drive.after_frame(self, &ctx);
             self.drive = Some(drive);
+        }
+        #[cfg(not(target_arch = "wasm32"))]
+        if self.is_lost() {
+            self.leave(&ctx);
         }
         // Frames follow each other.
         ctx.request_repaint();

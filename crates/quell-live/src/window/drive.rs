@@ -13,6 +13,8 @@
 //! wheel NAME STEPS         the wheel above a control
 //! key KEY FRAMES           a key held down for so many frames
 //! resize WIDTH HEIGHT      the window, in points
+//! screen SCALE             the window moves to a screen with so many pixels a point
+//! lose                     the device is lost; what follows is done in the window that is opened anew
 //! window FILE              a picture of the window, PNG
 //! report FILE              what is shown and where controls are, JSON
 //! close
@@ -21,13 +23,29 @@
 use super::app::App;
 use super::opening::Source;
 use eframe::egui::{self, Event, Key, Modifiers, PointerButton, Pos2, Rect, Vec2};
+use quell::gpu::wgpu;
 use std::collections::VecDeque;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+/// Commands that are still to come; a window that is opened anew goes on with them.
+#[derive(Clone, Debug)]
+pub(super) struct Script(Arc<Mutex<VecDeque<Vec<String>>>>);
+
+impl Script {
+    pub(super) fn new(text: &str) -> Self {
+        let lines = text.lines().map(|line| line.split('#').next().unwrap_or_default());
+        Self(Arc::new(Mutex::new(lines.map(words).filter(|words| !words.is_empty()).collect())))
+    }
+
+    fn commands(&self) -> MutexGuard<'_, VecDeque<Vec<String>>> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
 
 /// What is still to be done.
 pub(super) struct Drive {
-    commands: VecDeque<Vec<String>>,
+    commands: Script,
     /// Events of the frames to come.
     events: VecDeque<Vec<Event>>,
     /// Wait for this frame's number; since when, seconds.
@@ -80,9 +98,7 @@ fn key(key: Key, pressed: bool) -> Event {
 }
 
 impl Drive {
-    pub(super) fn new(script: &str) -> Self {
-        let lines = script.lines().map(|line| line.split('#').next().unwrap_or_default());
-        let commands = lines.map(words).filter(|words| !words.is_empty()).collect();
+    pub(super) fn new(commands: Script) -> Self {
         Self {
             commands,
             events: VecDeque::new(),
@@ -138,7 +154,7 @@ impl Drive {
             self.aim_at(app, ctx, aim);
             return;
         }
-        let Some(command) = self.commands.pop_front() else { return };
+        let Some(command) = self.commands.commands().pop_front() else { return };
         println!("{}", command.join(" "));
         let word = |n: usize| command.get(n).cloned().unwrap_or_default();
         match command.first().map(String::as_str) {
@@ -165,6 +181,15 @@ impl Drive {
                 ctx.send_viewport_cmd(egui::ViewportCommand::InnerSize(Vec2::new(side(1), side(2))));
                 self.events.extend((0..5).map(|_| Vec::new()));
             }
+            Some("screen") => {
+                ctx.set_pixels_per_point(word(1).parse().unwrap_or(1.0));
+                self.events.extend((0..5).map(|_| Vec::new()));
+            }
+            Some("lose") => {
+                // Its callback is called once nothing runs on it any more.
+                app.device.destroy();
+                let _ = app.device.poll(wgpu::PollType::wait_indefinitely());
+            }
             Some("window") => {
                 let arrives = Arc::new(Mutex::new(None));
                 let to = Arc::clone(&arrives);
@@ -187,7 +212,7 @@ impl Drive {
 
     /// Ends the program with an error.
     fn fail(&mut self, app: &App, ctx: &egui::Context, words: &str) {
-        self.commands.clear();
+        self.commands.commands().clear();
         *app.trouble.lock().unwrap_or_else(PoisonError::into_inner) = Some(format!("script: {words}"));
         fail(words);
         ctx.send_viewport_cmd(egui::ViewportCommand::Close);
@@ -271,6 +296,6 @@ mod tests {
     #[test]
     fn quoted_words_keep_their_blanks() {
         assert_eq!(words(r#"click "save PNG" 0.5"#), ["click", "save PNG", "0.5"]);
-        assert_eq!(Drive::new("# nothing\n\nclick a # b\n").commands, [vec!["click".to_owned(), "a".to_owned()]]);
+        assert_eq!(*Script::new("# nothing\n\nclick a # b\n").commands(), [vec!["click".to_owned(), "a".to_owned()]]);
     }
 }

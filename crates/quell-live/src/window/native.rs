@@ -1,7 +1,8 @@
 //! The program on a desktop: options, adapter, files.
 
 use super::adapter::{device_descriptor, size};
-use super::app::{App, Start, Trouble};
+use super::app::{App, Lost, Start, Trouble};
+use super::drive::Script;
 use super::opening::Sky;
 use crate::stage::{is_environment, is_file};
 use eframe::egui;
@@ -12,8 +13,9 @@ use quell_trace::environment::file::EnvironmentFileError;
 use std::ffi::OsString;
 use std::path::PathBuf;
 use std::process::ExitCode;
-use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, Mutex};
+use std::sync::atomic::Ordering;
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::{Duration, Instant};
 
 const USAGE: &str = "\
 quell-live glossy-room                 a built-in scene, walked through
@@ -61,7 +63,9 @@ fn parsed(arguments: impl Iterator<Item = OsString>) -> Result<Asked, String> {
             view: None,
             sky: None,
             shows_panel: true,
+            choice: None,
             script: None,
+            lost: Lost::default(),
         },
         device: None,
         window: Size::new(1280, 720),
@@ -118,7 +122,7 @@ fn parsed(arguments: impl Iterator<Item = OsString>) -> Result<Asked, String> {
             "--out" => options.start.folder = PathBuf::from(value),
             _ => {
                 let text = std::fs::read_to_string(&value).map_err(|error| format!("{value}: {error}"))?;
-                options.start.script = Some(text);
+                options.start.script = Some(Script::new(&text));
             }
         }
     }
@@ -191,12 +195,14 @@ fn setup(wanted: Option<String>) -> WgpuSetup {
     WgpuSetup::CreateNew(setup)
 }
 
-/// Windows that are opened after a lost device, at most.
+/// Windows that are opened anew one after the other, each since the one before lost its device soon.
 const MOST_LOSSES: u32 = 2;
+/// A window that has stood for so long was no failure.
+const STOOD: Duration = Duration::from_secs(60);
 
 /// Runs the program; `arguments` without its own name. Returns its exit code: 0, 1 for what failed, 2 for a wrong command line.
 pub fn run(arguments: impl Iterator<Item = OsString>) -> ExitCode {
-    let options = match parsed(arguments) {
+    let mut options = match parsed(arguments) {
         Ok(Asked::Help) => {
             print!("{USAGE}");
             return ExitCode::SUCCESS;
@@ -207,28 +213,34 @@ pub fn run(arguments: impl Iterator<Item = OsString>) -> ExitCode {
             return ExitCode::from(2);
         }
     };
-    for attempt in 0..=MOST_LOSSES {
-        let lost = Arc::new(AtomicBool::new(false));
-        let result = window(&options, Arc::clone(&lost));
-        if let Err(error) = result {
+    let mut losses = 0;
+    loop {
+        let begun = Instant::now();
+        options.start.lost = Lost::default();
+        if let Err(error) = window(&options) {
             eprintln!("error: {error}");
             return ExitCode::FAILURE;
         }
         if super::drive::has_failed() {
             return ExitCode::FAILURE;
         }
-        if !lost.load(Ordering::Acquire) {
+        if !options.start.lost.is_lost.load(Ordering::Acquire) {
             return ExitCode::SUCCESS;
         }
-        if attempt < MOST_LOSSES {
-            eprintln!("the device was lost; opening the window anew");
+        losses = if begun.elapsed() < STOOD { losses + 1 } else { 1 };
+        if losses > MOST_LOSSES {
+            eprintln!("error: the device was lost again and again");
+            return ExitCode::FAILURE;
+        }
+        eprintln!("opening the window anew");
+        let kept = options.start.lost.kept.lock().unwrap_or_else(PoisonError::into_inner).take();
+        if let Some(kept) = kept {
+            options.start = *kept;
         }
     }
-    eprintln!("error: the device was lost again and again");
-    ExitCode::FAILURE
 }
 
-fn window(options: &Options, lost: Arc<AtomicBool>) -> Result<(), String> {
+fn window(options: &Options) -> Result<(), String> {
     let size = [options.window.width as f32, options.window.height as f32];
     let native = eframe::NativeOptions {
         viewport: egui::ViewportBuilder::default()
@@ -247,14 +259,12 @@ fn window(options: &Options, lost: Arc<AtomicBool>) -> Result<(), String> {
         Box::new(move |creation| {
             let state = creation.wgpu_render_state.as_ref().ok_or("the window has no wgpu device")?;
             let trouble: Trouble = Arc::new(Mutex::new(None));
-            let ctx = creation.egui_ctx.clone();
+            let (ctx, lost) = (creation.egui_ctx.clone(), start.lost.clone());
             state.device.set_device_lost_callback(move |reason, words| {
-                // The program itself lets go of it at its end.
-                if reason != wgpu::DeviceLostReason::Destroyed {
-                    eprintln!("the device was lost: {words}");
-                    lost.store(true, Ordering::Release);
-                    ctx.send_viewport_cmd(egui::ViewportCommand::Close);
-                }
+                eprintln!("the device was lost: {}", if words.is_empty() { format!("{reason:?}") } else { words });
+                lost.is_lost.store(true, Ordering::Release);
+                // The next frame closes the window.
+                ctx.request_repaint();
             });
             Ok(Box::new(App::new(state, start, trouble)?))
         }),

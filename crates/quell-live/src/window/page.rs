@@ -127,6 +127,7 @@ fn parameters(search: &str) -> Result<Start, JsValue> {
         view: None,
         sky: None,
         shows_panel: true,
+        choice: None,
     };
     if let Some(text) = given.get("view") {
         start.view = Some(text.parse().map_err(|wanted| wrong("view", wanted, &text))?);

@@ -3,9 +3,10 @@
 use super::device::{choice, device, scene, sight};
 use quell::Size;
 use quell::gpu::wgpu;
-use quell_live::{Engine, LiveError, Mode, Pilot, Sight, Stage, open};
+use quell_live::{Choice, Engine, LiveError, Mode, Pane, Pilot, Shot, Sight, Stage, open};
 use quell_trace::RenderOptions;
-use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex};
 
 #[test]
 fn absurd_sizes_are_refused_and_the_old_one_stays() {
@@ -43,6 +44,55 @@ fn cameras_and_scenes_that_cannot_be_used_are_refused() {
 
     assert!(open("cornel-box", None).unwrap_err().to_string().contains("did you mean cornell-box"));
     assert!(open("/nonexistent/room.glb", None).unwrap_err().to_string().contains("room.glb"));
+}
+
+#[test]
+fn a_device_that_is_lost_ends_no_program() {
+    if device().is_none() {
+        return;
+    }
+    let Some((device, queue)) = small_device(128 << 20) else { return };
+    let (lost, errors) = (Arc::new(AtomicBool::new(false)), Arc::new(Mutex::new(Vec::new())));
+    let heard = Arc::clone(&lost);
+    device.set_device_lost_callback(move |_, _| heard.store(true, Ordering::Release));
+    let noted = Arc::clone(&errors);
+    device.on_uncaptured_error(Arc::new(move |error: wgpu::Error| noted.lock().unwrap().push(error.to_string())));
+    let mut engine = Engine::new(&device, &queue, Size::new(16, 9)).unwrap();
+    let kernels = Arc::clone(engine.kernels());
+    let options = engine.options(choice().tracing);
+    engine.set_stage(Stage::new(&device, &queue, &kernels, scene(), &options).unwrap());
+    let sight = sight(&engine, 0.0);
+    let encoder = || device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+    let wait = || drop(device.poll(wgpu::PollType::wait_indefinitely()));
+    let mut good = encoder();
+    engine.encode(&mut good, &sight, &choice()).unwrap();
+    queue.submit([good.finish()]);
+    wait();
+    assert!(!lost.load(Ordering::Acquire) && errors.lock().unwrap().is_empty(), "{errors:?}");
+
+    // Between a frame's commands and its submission; then all that a window may ask for before it hears of it.
+    let mut last = encoder();
+    engine.encode(&mut last, &sight, &choice()).unwrap();
+    device.destroy();
+    queue.submit([last.finish()]);
+    wait();
+    assert!(lost.load(Ordering::Acquire));
+    for size in [engine.size(), Size::new(17, 9)] {
+        let _ = engine.resize(size);
+        let mut after = encoder();
+        let all = Choice { panes: Pane::ALL.to_vec(), ..choice() };
+        let _ = engine.encode(&mut after, &sight, &all);
+        let shot = Shot::new(&device, &mut after, engine.picture().texture());
+        let planes = engine.planes_of_last();
+        queue.submit([after.finish()]);
+        wait();
+        // Nothing that is no frame is handed over.
+        assert!(shot.take().is_none_or(|pixels| pixels.is_empty()));
+        assert!(!planes.is_ok_and(|mut planes| planes.take().is_some_and(|planes| planes.is_ok())));
+        assert!(engine.times().sum() >= 0.0);
+    }
+    let _ = Stage::new(&device, &queue, &kernels, scene(), &options);
+    println!("said by the device that was lost: {errors:?}");
 }
 
 /// A device that gives as little to a buffer as this.

@@ -85,6 +85,25 @@ resize 320 180
 frames 1
 window end.png
 report end.json
+resize 300 150
+resize 340 200
+resize 1 1
+resize 2000 30
+resize 320 180
+screen 1.5
+frames 1
+report screen.json
+window screen.png
+screen 1
+frames 1
+click pictures 0.1
+click SVGF 0.1
+open cornell-box
+report before.json
+lose
+frames 2
+report anew.json
+window anew.png
 close
 "#;
 
@@ -257,6 +276,24 @@ fn the_window_is_opened_clicked_through_and_closed() {
     assert_eq!(numbers(&end["size"])[1], numbers(&begin["size"])[1]);
     let (light, _) = look(&folder, "end.png", &end);
     assert!(light > 20.0, "the picture has gone dark: {light}");
+
+    // Another screen: as many pixels a point more, of the same window.
+    let screen = read("screen.json");
+    assert_eq!((&screen["error"], &screen["scene"]), (&Value::Null, &"disocclusion".into()));
+    let width = |report: &Value| numbers(&report["marks"]["picture"])[2];
+    assert!(width(&screen) < 0.8 * width(&end), "{} {}", screen["marks"], end["marks"]);
+
+    // A lost device: another window with the same scene, view and choice.
+    assert!(said.contains("the device was lost: Destroyed\nopening the window anew"), "{said}");
+    let (before, anew) = (read("before.json"), read("anew.json"));
+    assert_eq!(anew["scene"], "cornell-box");
+    assert_eq!(anew["panes"], serde_json::json!(["noisy", "SVGF", "quell"]));
+    for what in ["scene", "panes", "settings", "baselines", "error"] {
+        assert_eq!(anew[what], before[what], "{what}");
+    }
+    assert!(anew["frame"].as_i64() >= Some(1));
+    let (light, _) = look(&folder, "anew.png", &anew);
+    assert!(light > 40.0, "the picture has gone dark: {light}");
 
     let sky = std::fs::File::create(folder.join("sky.hdr")).unwrap();
     let blue = [image::Rgb([0.2_f32, 0.4, 3.0]); 32];
