@@ -427,7 +427,7 @@ impl App {
                     ui.label(head("pass"));
                     ui.label(head("here"));
                     let response = ui.label(head("paper")).on_hover_text(PAPER);
-                    app.mark("paper", &response);
+                    app.mark("times of the paper", &response);
                     ui.end_row();
                 }
                 for pass in &app.times.0 {
