@@ -202,6 +202,34 @@ fn lag_counts_the_frames_until_the_light_has_followed() {
             .collect();
         assert_eq!(value(&instruments.score(&pictures).unwrap(), "lag"), expected, "{kept}");
     }
+    // Noise, of the picture and of two references, of a third of the light in each pixel: the same within a frame.
+    let noisy = |picture: &Plane<Rgb>, t: usize, seed: u64| with_noise(&frame, picture, 0.3, 3 * t as u64 + seed);
+    let halves: Vec<[Plane<Rgb>; 2]> =
+        references.iter().enumerate().map(|(t, r)| [noisy(r, t, 100), noisy(r, t, 101)]).collect();
+    let frames: Vec<ReferenceFrame<'_>> =
+        halves.iter().map(|[a, b]| ReferenceFrame { b: Some(b), ..ReferenceFrame::new(&frame, a) }).collect();
+    let uncertain = Instruments::new(&frames).unwrap();
+    for (kept, expected) in [(0.72f32, 7.0f64), (0.5, 3.0), (0.0, 0.0)] {
+        let mut history = light(0);
+        let pictures: Vec<Plane<Rgb>> = (0..24)
+            .map(|t| {
+                history = kept * history + (1.0 - kept) * light(t);
+                noisy(&at(history), t, 102)
+            })
+            .collect();
+        let lag = value(&uncertain.score(&pictures).unwrap(), "lag");
+        // The slowest of nine is late by chance.
+        assert!((lag - expected).abs() <= 2.0, "{kept}: {lag}");
+    }
+    // One whose lower third follows late is as slow as that.
+    let pictures: Vec<Plane<Rgb>> = (0..24)
+        .map(|t| {
+            let (early, late) = (at(light(t)), at(light(t.saturating_sub(5))));
+            Plane::from_fn(size, |x, y| if y >= size.height * 2 / 3 { late.at(x, y) } else { early.at(x, y) })
+        })
+        .collect();
+    let lag = value(&instruments.score(&pictures).unwrap(), "lag");
+    assert!((lag - 5.0).abs() <= 1.0, "{lag}");
     // One that never follows is reported as such.
     let stuck: Vec<Plane<Rgb>> = (0..24).map(|_| at(1.0)).collect();
     let lag = instruments.score(&stuck).unwrap().lag;
