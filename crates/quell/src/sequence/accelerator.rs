@@ -88,6 +88,8 @@ pub struct WaveletLight {
     pub low_tolerance: f32,
     /// Deviation of a compared mean, relative, at which the stop lies half between (in squares).
     pub low_noise: f32,
+    /// Deviations, squared, from which a neighbour is left out of a compared mean.
+    pub mean_step: f32,
     /// The most that a neighbour's variance counts, times a pixel's own.
     pub variance_ratio: f32,
 }
@@ -124,6 +126,7 @@ impl WaveletLight {
             mirror_tolerance: mirror * mirror,
             low_tolerance: s.low * s.low,
             low_noise: s.low_noise,
+            mean_step: s.step * s.step,
             variance_ratio: s.variance_ratio,
         }
     }

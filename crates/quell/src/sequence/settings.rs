@@ -131,6 +131,8 @@ parameters! {
             higher "Smoother with many samples a pixel.", lower "Detail stays with many samples a pixel.", source "ours: docs/sequence.md";
         low_noise: f32 = 0.07, 0.0..=16.0, "of the luminance", "Deviation of a compared mean at which the stop lies half between (in squares).",
             higher "`wavelet.low` counts sooner.", lower "Later; 0: never.", source "ours";
+        step: f32 = 6.0, 0.0..=1000.0, "standard deviations", "Neighbours that differ by more begin to be left out of the compared means over 3x3 pixels.",
+            higher "Light leaks from lamps into the dark pixels beside them.", lower "Means are as noisy as pixels, so that noise stops itself.", source "ours: docs/sequence.md";
         variance_ratio: f32 = 4.0, 0.0..=1e6, "times a pixel's own", "The most that a neighbour's variance counts in the luminance stop.",
             higher "Light with noise leaks into light without.", lower "Fireflies stay.", source "ours";
         normal: f32 = 48.0, 0.0..=1000.0, "per 1 - cosine", "Fall of the weight between normals.",

@@ -86,6 +86,8 @@ uniforms! {
         /// The same where there is little noise; deviation of a mean, relative, at which it lies half between.
         pub(super) low_tolerance: f32,
         pub(super) low_noise: f32,
+        /// Deviations, squared, from which a neighbour is left out of a compared mean.
+        pub(super) mean_step: f32,
         /// The most that a neighbour's variance counts, times a pixel's own.
         pub(super) variance_ratio: f32,
         /// Of the level: variance of a mean over 3x3 pixels, over that of independent ones.
@@ -110,6 +112,7 @@ impl LightUniforms {
             mirror_tolerance: light.mirror_tolerance,
             low_tolerance: light.low_tolerance,
             low_noise: light.low_noise,
+            mean_step: light.mean_step,
             variance_ratio: light.variance_ratio,
             correlation: crate::stages::wavelet::correlation(step.trailing_zeros()),
             least_contrast: light.least_contrast,

@@ -27,11 +27,11 @@ pub(crate) fn compared_row<S: Simd>(
         if distances.reach_edge(x, w, 1) {
             let guides = Guides::<_, true>::new(simd, local, s, wanted, [x, y]);
             distances.find(&guides, h, 1);
-            means::<true, _>(simd, slots, (colours, variance), &distances, x, out);
+            means::<true, _>(simd, slots, (colours, variance), &distances, ((x, y), s.step * s.step), out);
         } else {
             let guides = Guides::<_, false>::new(simd, local, s, wanted, [x, y]);
             distances.find(&guides, h, 1);
-            means::<false, _>(simd, slots, (colours, variance), &distances, x, out);
+            means::<false, _>(simd, slots, (colours, variance), &distances, ((x, y), s.step * s.step), out);
         }
     }
 }
@@ -43,20 +43,29 @@ fn means<const EDGE: bool, S: Simd>(
     slots: &[LightSlot],
     (colours, variance): (&Rows, &Rows),
     distances: &Distances,
-    x: usize,
+    ((x, y), squared): ((usize, usize), f32),
     out: &mut [f32],
 ) {
     let w = colours.size().width;
+    let (one, two) = (f32x16::splat(simd, 1.0), f32x16::splat(simd, 2.0));
     let zero = f32x16::splat(simd, 0.0);
     for (l, slot) in slots.iter().enumerate() {
         let (mut mean, mut spread, mut total) = (zero, zero, zero);
+        let at = |c: usize| load::<EDGE, _>(simd, colours.row(y, 3 * slot.first + c), x as isize);
+        let own = at(0) * LUMINANCE[0] + at(1) * LUMINANCE[1] + at(2) * LUMINANCE[2];
+        let own_variance = load::<EDGE, _>(simd, variance.row(y, l), x as isize);
         for (tap, distance) in distances.of(Class::of(slot.kind)) {
             let share = TENT[tap.dx.unsigned_abs()] * TENT[tap.dy.unsigned_abs()];
-            let weight = inside::<EDGE, _>(tap, w, weight(f32x16::from_slice(simd, distance)) * share);
             let [r, g, b] = three_rows::<EDGE, _>(simd, colours, tap, 3 * slot.first);
+            let value = r * LUMINANCE[0] + g * LUMINANCE[1] + b * LUMINANCE[2];
+            let (v, d) = (tap.of::<EDGE, _>(simd, variance, l), value - own);
+            // As `same_light`.
+            let most = (v + own_variance) * squared + LEAST_VARIANCE;
+            let same = (two - d * d / most).max_precise(zero).min_precise(one);
+            let weight = inside::<EDGE, _>(tap, w, weight(f32x16::from_slice(simd, distance)) * same * share);
             total += weight;
-            mean += weight * (r * LUMINANCE[0] + g * LUMINANCE[1] + b * LUMINANCE[2]);
-            spread += weight * weight * tap.of::<EDGE, _>(simd, variance, l);
+            mean += weight * value;
+            spread += weight * weight * v;
         }
         store(mean / total, &mut out[2 * l * w..][..w], x);
         store(spread / (total * total), &mut out[(2 * l + 1) * w..][..w], x);

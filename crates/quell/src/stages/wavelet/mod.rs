@@ -6,8 +6,9 @@
 //! | writes | the filtered planes |
 //! | reach | sum over levels i of 2 * 2^i + 1 pixels |
 //! | equation | out = sum h w c / sum h w; variance' = sum (h w)^2 v / (sum h w)^2; w = weight(guide distance + stop) |
-//! | luminance stop | max(0, (m_p - m_q)^2 - v) / (k^2 v + (`least_contrast` m_p)^2), m: means over 3x3 of the same surface, v: v_p + min(v_q, `variance_ratio` v_p) of their variances, times `correlation` (of the level), k: in deviations |
+//! | luminance stop | max(0, (m_p - m_q)^2 - v) / (k^2 v + (`least_contrast` m_p)^2), m: means over 3x3 of the same surface and light, v: v_p + min(v_q, `variance_ratio` v_p) of their variances, times `correlation` (of the level), k: in deviations |
 //! | k^2 | from `low`^2 to the light's own (`wavelet.matte` ...)^2 as the first level's v_p passes (`low_noise` m_p)^2 |
+//! | same light | (c_p - c_q)^2 <= t, the pixel's counts less up to 2 t, t = `step`^2 (v_p + v_q), v: their variances |
 //! | source | Dammertz, Sewtz, Hanika, Lensch (HPG 2010); stop by variance: SVGF (Schied et al., HPG 2017) 4.4; 3x3 means and "- v" ours |
 //! | parameters | `wavelet.*` |
 //!
@@ -37,6 +38,13 @@ pub(crate) const LEAST_VARIANCE: f32 = 1e-12;
 pub(crate) fn correlation(level: u32) -> f32 {
     const OF_LEVEL: [f32; 8] = [1.0, 4.84, 6.505_063, 6.957_337, 7.072_527, 7.101_456, 7.108_697, 7.110_507];
     OF_LEVEL[(level as usize).min(OF_LEVEL.len() - 1)]
+}
+
+/// How far a pixel counts in the compared mean of another, whose luminances differ by `difference`: not where it is beyond what their
+/// `variance` (the sum of both) explains, times `squared`. A lamp beside a dark gap is another light, on the same surface or not.
+pub(crate) fn same_light(difference: f64, variance: f64, squared: f64) -> f64 {
+    let most = squared * variance + f64::from(LEAST_VARIANCE);
+    (2.0 - difference * difference / most).clamp(0.0, 1.0)
 }
 
 /// Levels of a kind of light; noise-free light has none.

@@ -1,6 +1,6 @@
 //! The specification of `wavelet`.
 
-use super::{LEAST_VARIANCE, SPLINE, TENT, correlation, levels, tolerance};
+use super::{LEAST_VARIANCE, SPLINE, TENT, correlation, levels, same_light, tolerance};
 use crate::kernels::guide_distance::{guide_distance, weight};
 use crate::kernels::math::luminance;
 use crate::sequence::settings::Wavelet;
@@ -86,12 +86,17 @@ fn mean_around(
     s: &Wavelet,
 ) -> [f64; 2] {
     let (mut mean, mut spread, mut total) = (0.0f64, 0.0f64, 0.0f64);
+    let own = f64::from(luminance(colours.colour(x, y, 3 * slot.first)));
+    let own_variance = f64::from(variance.at(x, y, l));
     for qy in y.saturating_sub(1)..(y + 2).min(local.size.height) {
         for qx in x.saturating_sub(1)..(x + 2).min(local.size.width) {
             let distance = guide_distance(local, Class::of(slot.kind), (x, y), (qx, qy), s);
-            let g = f64::from(TENT[x.abs_diff(qx)] * TENT[y.abs_diff(qy)] * weight(distance));
-            mean += g * f64::from(luminance(colours.colour(qx, qy, 3 * slot.first)));
-            spread += g * g * f64::from(variance.at(qx, qy, l));
+            let value = f64::from(luminance(colours.colour(qx, qy, 3 * slot.first)));
+            let v = f64::from(variance.at(qx, qy, l));
+            let same = same_light(value - own, v + own_variance, f64::from(s.step).powi(2));
+            let g = f64::from(TENT[x.abs_diff(qx)] * TENT[y.abs_diff(qy)] * weight(distance)) * same;
+            mean += g * value;
+            spread += g * g * v;
             total += g;
         }
     }

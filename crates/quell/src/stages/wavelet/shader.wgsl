@@ -13,10 +13,17 @@ fn stop_by_noise(squared: f32, mean: f32, variance: f32) -> f32 {
     return low + (squared - low) * variance / (variance + scale * scale + LEAST_VARIANCE);
 }
 
+// How far a pixel counts in the compared mean of another: not where their luminances differ by more than their variances explain.
+fn same_light(difference: f32, variance: f32) -> f32 {
+    let most = settings.mean_step * variance + LEAST_VARIANCE;
+    return clamp(2.0 - min(difference * difference, MOST_DIFFERENCE) / most, 0.0, 1.0);
+}
+
 // Mean luminance over 3x3 pixels of the same surface, and its variance. The stop is that of the first level.
 fn compared_mean(pixel: vec2i) -> vec4f {
     let p = index_of(pixel);
     let here = features_at(p);
+    let own = light_at(p);
     var total = 0.0;
     var mean = 0.0;
     var spread = 0.0;
@@ -31,10 +38,11 @@ fn compared_mean(pixel: vec2i) -> vec4f {
             if q != p {
                 distance = guide_distance(here, features_at(q), vec2f(offset), settings.stops);
             }
-            let g = TENT[abs(dx)] * TENT[abs(dy)] * weight(distance);
             let colour = light_at(q);
+            let value = luminance(colour.xyz);
+            let g = TENT[abs(dx)] * TENT[abs(dy)] * weight(distance) * same_light(value - luminance(own.xyz), colour.w + own.w);
             total += g;
-            mean += g * luminance(colour.xyz);
+            mean += g * value;
             spread += g * g * colour.w;
         }
     }

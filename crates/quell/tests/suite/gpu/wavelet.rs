@@ -326,6 +326,7 @@ pub const PLANTED: &[(&str, &str)] = &[
     ("(mean.y + min(there.y, settings.variance_ratio * mean.y))", "mean.y"),
     ("settings.correlation *", "1.05 * settings.correlation *"),
     ("settings.variance_ratio *", "0.2 * settings.variance_ratio *"),
+    ("settings.mean_step *", "0.5 * settings.mean_step *"),
     ("settings.low_noise *", "0.5 * settings.low_noise *"),
     ("min(settings.low_tolerance, squared)", "min(4.0 * settings.low_tolerance, squared)"),
     ("if settings.step == 1", "if settings.step >= 1"),
