@@ -118,7 +118,8 @@ impl Browser {
         value.clone()
     }
 
-    fn post(&self, path: &str, body: Value) -> Value {
+    /// One command of the session (WebDriver).
+    pub fn post(&self, path: &str, body: Value) -> Value {
         self.call("POST", &format!("/session/{}{path}", self.session), &body)
     }
 

@@ -10,7 +10,7 @@ mod server;
 
 use base64::Engine;
 use browser::Browser;
-use serde_json::Value;
+use serde_json::{Value, json};
 use server::Server;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
@@ -23,6 +23,9 @@ const FOLDER: &str = "QUELL_PAGE";
 const LARGEST: usize = 8 << 20;
 /// Compiling kernels and tracing in software, both on one core.
 const PATIENCE: Duration = Duration::from_secs(240);
+
+/// Two pages at once would wait for each other's frames.
+static ALONE: std::sync::Mutex<()> = std::sync::Mutex::new(());
 
 /// For so long a control must have stood still.
 const AT_REST: Duration = Duration::from_millis(600);
@@ -204,20 +207,22 @@ impl Page {
     fn look(&self, name: &str, all: bool) -> (f64, f64) {
         let path = self.pictures.join(name);
         self.browser.screenshot(&path);
-        let picture = image::open(path).unwrap().into_luma8();
+        let picture = image::open(path).unwrap().into_rgb8();
         let report = self.report();
         let area = numbers(&report["marks"]["picture"]);
         let split = numbers(&report["splits"]).last().copied().filter(|_| !all).unwrap_or(0.0);
         // A picture's pixel is several of the page's.
         let pixel = (area[2] - area[0]) / report["size"][0].as_f64().unwrap();
-        let at = |x: f64, y: f64| f64::from(picture.get_pixel(x as u32, y as u32).0[0]);
+        let at = |x: f64, y: f64| picture.get_pixel(x as u32, y as u32).0.map(f64::from);
+        // A grey thing before a blue sky may be as bright.
+        let step = |a: [f64; 3], b: [f64; 3]| (0..3).map(|c| (a[c] - b[c]).abs()).sum::<f64>() / 3.0;
         let (mut sum, mut steps, mut count) = (0.0, 0.0, 0.0);
         let mut y = area[1] + 24.0;
         while y < area[3] - pixel {
             let mut x = area[0] + split * (area[2] - area[0]) + 6.0;
             while x < area[2] - 2.0 * pixel {
-                sum += at(x, y);
-                steps += (at(x, y) - at(x + pixel, y)).abs();
+                sum += at(x, y).iter().sum::<f64>() / 3.0;
+                steps += step(at(x, y), at(x + pixel, y));
                 count += 1.0;
                 x += pixel;
             }
@@ -243,6 +248,7 @@ fn sky() -> Vec<u8> {
 #[test]
 fn the_page_is_opened_used_and_refuses_in_words() {
     let Some(files) = files() else { return };
+    let _alone = ALONE.lock();
     let bytes: usize = files.iter().map(|(_, bytes)| bytes.len()).sum();
     println!("{bytes} bytes");
     assert!(bytes < LARGEST, "the page has {bytes} bytes");
@@ -368,6 +374,36 @@ fn the_page_is_opened_used_and_refuses_in_words() {
     page.browser.wait_for("words.textContent.includes('640x360')");
     page.browser.screenshot(&page.pictures.join("parameter.png"));
     println!("pictures of the page: {}", page.pictures.display());
+}
+
+#[test]
+fn a_page_that_is_reloaded_or_loses_its_device_begins_anew() {
+    let Some(files) = files() else { return };
+    let _alone = ALONE.lock();
+    let server = Server::start(files);
+    let Some(browser) = Browser::start_with(640, 420, &SOFTWARE) else { return };
+    let pictures = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join("live-page");
+    let page = Page { browser, pictures };
+    let address = server.address("index.html?scene=cornell-box&size=128x72&panel=off");
+    // While it is fetched, while its kernels are compiled, while the scene's are.
+    for pause in [0, 400, 1500, 3000, 6000] {
+        page.browser.visit(&address);
+        std::thread::sleep(Duration::from_millis(pause));
+        println!("after {pause} ms: {}", page.words());
+    }
+    page.browser.visit(&address);
+    let begun = page.until("frames", |report| report["frame"].as_i64() >= Some(2));
+    assert_eq!((&begun["scene"], &begun["error"], page.words().as_str()), (&"cornell-box".into(), &Value::Null, ""));
+    assert_eq!(page.browser.complaints(), Vec::<String>::new());
+
+    // The browser's graphics process ends in the middle of a frame.
+    page.browser.post("/goog/cdp/execute", json!({ "cmd": "Browser.crashGpuProcess", "params": {} }));
+    page.browser.wait_for("words.textContent.includes('Reload the page')");
+    println!("{}", page.words());
+    page.browser.screenshot(&page.pictures.join("lost.png"));
+    assert_eq!(page.browser.value("quell.report()"), "", "no further frame");
+    page.browser.visit(&address);
+    page.until("frames of the page that was loaded anew", |report| report["frame"].as_i64() >= Some(1));
 }
 
 #[test]
