@@ -64,8 +64,8 @@ impl Seen {
 /// Of guides, stage 1 and stage 2.
 type Stages = [Seen; 3];
 
-/// What a back end makes of the stages of a frame.
-type Wanted = (Vec<OnCpu>, Vec<(Guide, Vec<u8>)>);
+/// The stages of each frame, by its number, as a back end in software computes them.
+type Wanted = HashMap<i64, Arc<(Vec<OnCpu>, Vec<(Guide, Vec<u8>)>)>>;
 
 /// A host as small as can be.
 #[derive(Clone, Debug)]
@@ -77,8 +77,8 @@ struct Host {
     /// From this frame on `estimate` says that it cannot.
     refuses: i64,
     seen: Arc<Mutex<Stages>>,
-    /// What the only back end to be compared with makes of each frame, where the same frames are compared again and again.
-    wanted: Option<Arc<Mutex<HashMap<i64, Arc<Wanted>>>>>,
+    /// Kept where the same frames are compared again and again, with one back end.
+    wanted: Option<Arc<Mutex<Wanted>>>,
     estimated: Arc<Mutex<Vec<i64>>>,
 }
 
