@@ -5,7 +5,7 @@ use crate::error::Error;
 use crate::readback::Readback;
 use crate::tiles::Piece;
 use quell::gpu::{
-    Frame, JointPlane, Output, PackedFrame, PackedGuides, PackedSignal, Storage, Texel, Tile, unpack_colours,
+    Frame, JointPlane, Output, PackedFrame, PackedGuides, PackedSignal, Storage, Texel, Tile, parted, unpack_colours,
     unpack_fourth, unpack_numbers, wgpu,
 };
 use quell::{Camera, Plane, Rgb, Signal, Size};
@@ -208,7 +208,11 @@ impl Part {
         };
         // Without a stage that remembers there are neither.
         let confidence = numbers(encoded.confidence.is_some(), 0.0, unpack_fourth)?;
-        let history_length = numbers(encoded.history_length.is_some(), 1.0, lengths)?;
+        let mut history_length = numbers(encoded.history_length.is_some(), 1.0, lengths)?;
+        let looks_for_change = &self.guest.settings().changed_light;
+        if if encoded.matte.is_some() { looks_for_change.matte } else { looks_for_change.glossy } {
+            history_length.data_mut().iter_mut().for_each(|texel| *texel = parted(*texel).0);
+        }
         for (_, signal) in &info.joint {
             let (format, texels) = contents.next().ok_or_else(short)?;
             signals[*signal as usize].push(unpack_colours(&texels, size, format).ok_or_else(short)?);

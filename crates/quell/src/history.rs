@@ -2,8 +2,8 @@
 //!
 //! | what | reset when |
 //! |---|---|
-//! | matte history, its length | a cut; `Denoiser::reset`; the signal, its passes (by name and order) or the stage's switch come or go |
-//! | glossy history, its length | the same of the glossy signal |
+//! | matte history, its length, its fast history | a cut; `Denoiser::reset`; the signal, its passes (by name and order) or the stage's switch come or go |
+//! | glossy history, its length, its fast history | the same of the glossy signal |
 //! | direct history | a cut; `Denoiser::reset`; a frame without jitter |
 //! | guides of the frame before | a cut; `Denoiser::reset` |
 //! | everything | `Denoiser::resize` |

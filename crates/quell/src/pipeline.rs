@@ -115,7 +115,7 @@ impl Stage {
     /// How far it looks in a picture of `rows` rows. Of history, which the frame before has filtered: one frame.
     pub fn reach(self, s: &Settings, rows: usize) -> Reach {
         match self {
-            Self::MatteTemporal => matte_temporal::reach(&s.matte_temporal),
+            Self::MatteTemporal => matte_temporal::reach(s),
             Self::MatteYoung1 | Self::GlossyYoung1 => young_filter::reach(0),
             Self::MatteYoung3 | Self::GlossyYoung3 => young_filter::reach(1),
             Self::MatteYoung9 | Self::GlossyYoung9 => young_filter::reach(2),
@@ -123,7 +123,7 @@ impl Stage {
             Self::Disocclusion => disocclusion::reach(&s.disocclusion),
             Self::Firefly => firefly::reach(),
             Self::MatteBilateral => matte_bilateral::reach(&s.matte_bilateral, rows),
-            Self::GlossyTemporal => glossy_temporal::reach(&s.glossy_temporal),
+            Self::GlossyTemporal => glossy_temporal::reach(s),
             Self::GlossyHorizontal => glossy_bilateral::reach(&s.glossy_bilateral, Axis::Horizontal, rows),
             Self::GlossyVertical => glossy_bilateral::reach(&s.glossy_bilateral, Axis::Vertical, rows),
             Self::DirectTaa => direct_taa::reach(),

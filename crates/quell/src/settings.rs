@@ -185,6 +185,27 @@ parameters! {
         clip_gamma: f32 = 1.5, 0.0..=16.0, "standard deviations", "Width of the clamp where `clip` is `sigma`.",
             higher "Looser clamp.", lower "Tighter clamp.", source "[O]";
     }
+    /// Where stages 3 and 8 find that light has changed, they shorten history: a fast history of luminance beside the long one.
+    changed_light: ChangedLight {
+        matte: bool = false, (), "", "Shortens the matte history where light has changed.",
+            higher "Follows lamps that switch or move; noisier while they do.", lower "Light changes lag.",
+            source "ours: `docs/quality.md`; shortening history by the change of light: A-SVGF (Schied et al. 2018)";
+        glossy: bool = false, (), "", "Shortens the glossy history where light has changed.",
+            higher "Follows lamps that switch or move; noisier while they do.", lower "Light changes lag.",
+            source "ours: `docs/quality.md`";
+        fast: f32 = 0.6, 0.0..=0.95, "share of history", "Most that history counts in the fast mean. Its window is 1 / (1 - fast) frames.",
+            higher "Finds smaller changes, later.", lower "Finds large changes earlier.", source "ours: `docs/quality.md`";
+        begin: f32 = 1.0, 0.0..=64.0, "standard deviations", "Difference between the fast and the long history, both averaged over the window, from which history gets shorter.",
+            higher "Small changes lag.", lower "Chance shortens history: more noise.", source "ours: `docs/quality.md`";
+        certain: f32 = 2.0, 0.0..=64.0, "standard deviations", "Difference at which nothing is left of history; at least `begin`.",
+            higher "History is shortened more softly.", lower "Quicker, harder.", source "ours: `docs/quality.md`";
+        least: f32 = 0.1, 0.0..=10.0, "of the sum of both means", "A difference that counts as one deviation whatever the noise.",
+            higher "Only large changes count.", lower "Chance and small changes shorten history where noise is low.", source "ours: `docs/quality.md`";
+        radius: u32 = 4, 1..=4, "taps", "Taps of the window on each side of the pixel, along both axes.",
+            higher "Finds smaller changes, and slower.", lower "Faster; sees less of the neighbourhood.", source "ours: `docs/quality.md`";
+        spacing: u32 = 2, 1..=8, "pixels", "Distance between the taps of the window.",
+            higher "Wider windows.", lower "Narrower ones; neighbours share noise where history was resampled.", source "ours: `docs/quality.md`";
+    }
     /// Levels of filters in space where history is short: between stages 3 and 4, and between 8 and 9. Not in the paper.
     young_filter: YoungFilter {
         matte: bool = false, (), "", "Filters the matte signal after stage 3.",
@@ -379,6 +400,7 @@ impl Settings {
                 least_lobe: 0.05,
                 deviations: 5.0,
             },
+            changed_light: ChangedLight { matte: true, glossy: true, ..ChangedLight::default() },
             glossy_temporal: GlossyTemporal { alpha: 0.85, ..GlossyTemporal::default() },
             // What is young is filtered already; mature light stays sharp.
             matte_prefilter: MattePrefilter { enabled: false, ..MattePrefilter::default() },

@@ -42,6 +42,22 @@ export interface Settings {
   "matte_temporal.clip_radius"?: number;
   /** Width of the clamp where `clip` is `sigma`. From 0 to 16, standard deviations. Default: 1.5. */
   "matte_temporal.clip_gamma"?: number;
+  /** Shortens the matte history where light has changed. Default: false. */
+  "changed_light.matte"?: boolean;
+  /** Shortens the glossy history where light has changed. Default: false. */
+  "changed_light.glossy"?: boolean;
+  /** Most that history counts in the fast mean. Its window is 1 / (1 - fast) frames. From 0 to 0.95, share of history. Default: 0.6. */
+  "changed_light.fast"?: number;
+  /** Difference between the fast and the long history, both averaged over the window, from which history gets shorter. From 0 to 64, standard deviations. Default: 1. */
+  "changed_light.begin"?: number;
+  /** Difference at which nothing is left of history; at least `begin`. From 0 to 64, standard deviations. Default: 2. */
+  "changed_light.certain"?: number;
+  /** A difference that counts as one deviation whatever the noise. From 0 to 10, of the sum of both means. Default: 0.1. */
+  "changed_light.least"?: number;
+  /** Taps of the window on each side of the pixel, along both axes. From 1 to 4, taps. Default: 4. */
+  "changed_light.radius"?: number;
+  /** Distance between the taps of the window. From 1 to 8, pixels. Default: 2. */
+  "changed_light.spacing"?: number;
   /** Filters the matte signal after stage 3. Default: false. */
   "young_filter.matte"?: boolean;
   /** Filters the glossy signal after stage 8. Default: false. */

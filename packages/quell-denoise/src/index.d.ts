@@ -134,7 +134,7 @@ export interface Output {
   glossy: GPUTexture | null;
   /** In alpha: trust in the history of the matte signal (without it the glossy one's), 0..1; negative: background. */
   confidence: GPUTexture | null;
-  /** Of the same signal, in frames; r32float. */
+  /** Of the same signal, in frames; r32float. Where `changed_light` is on for it, at most 2^-12 too long: the lower 11 bits hold something else. */
   historyLength: GPUTexture | null;
   /** Counts of repaired values, in the order of `quell::gpu::Repairs`. */
   repairs: GPUBuffer | null;

@@ -7,6 +7,8 @@ import { QuellError, checkNames, likely, shown } from "./error.js";
 const f = Math.fround;
 /** Rows at which radii in pixels are meant. */
 const REFERENCE_ROWS = 720;
+/** `LEAST_WIDTH` of crates/quell/src/kernels/change.rs. */
+const LEAST_CHANGE_WIDTH = f(1e-3);
 
 const BY_NAME = new Map(made.parameters.map((parameter) => [parameter.name, parameter]));
 
@@ -68,13 +70,31 @@ export function settingsStruct(settings, rows) {
   const constantPx = f(f(s["glossy_bilateral.constant_radius"]) * scale);
   const isConstant = s["glossy_bilateral.radius"] === "constant";
   const mostPx = isConstant ? constantPx : f(f(s["glossy_bilateral.max_radius"]) * scale);
-  const blend = (name) => ({
+  // The detector of changed light: crates/quell/src/kernels/change.rs.
+  const change = (signal, alpha) => {
+    const isOn = s[`changed_light.${signal}`];
+    const number = (value) => (isOn ? value : 0);
+    const fast = f(s["changed_light.fast"]);
+    const width = f(f(s["changed_light.certain"]) - f(s["changed_light.begin"]));
+    return {
+      fast: number(fast),
+      fast_frames: number(f(1 / f(1 - fast))),
+      long_frames: number(f(1 / f(1 - f(alpha)))),
+      change_begin: number(s["changed_light.begin"]),
+      change_slope: number(f(1 / Math.max(width, LEAST_CHANGE_WIDTH))),
+      change_least: number(s["changed_light.least"]),
+      change_radius: number(s["changed_light.radius"]),
+      change_spacing: number(s["changed_light.spacing"]),
+    };
+  };
+  const blend = (signal, name) => ({
     alpha: s[`${name}.alpha`],
     ramp: bit(`${name}.ramp`),
     clip: place(`${name}.clip`, s[`${name}.clip`]),
     clip_radius: s[`${name}.clip_radius`],
     clip_gamma: s[`${name}.clip_gamma`],
     confidence_frames: s["surface.confidence_frames"],
+    ...change(signal, s[`${name}.alpha`]),
   });
   const edge = (gloss) => ({ depth: s["edge.depth"], normal: s["edge.normal"], plane: s["edge.plane"], gloss });
   const spiral = (name) => ({ taps: s[`${name}.taps`], mirror: place(`${name}.off_screen`, s[`${name}.off_screen`]) });
@@ -87,8 +107,8 @@ export function settingsStruct(settings, rows) {
   const last = s["disocclusion.enabled"] && acting.length > 0 ? acting[acting.length - 1][0] : 0;
   return {
     surface: { ...surface, rejection: place("surface.rejection", surface.rejection) },
-    matte_blend: blend("matte_temporal"),
-    glossy_blend: blend("glossy_temporal"),
+    matte_blend: blend("matte", "matte_temporal"),
+    glossy_blend: blend("glossy", "glossy_temporal"),
     matte_edge: edge(s["edge.matte_gloss"]),
     glossy_edge: edge(s["edge.glossy_gloss"]),
     young: {

@@ -270,6 +270,13 @@ fn cases() -> Vec<(Size, Changes)> {
                 ("young_filter.least_lobe", "0.3"),
                 ("young_filter.deviations", "3.7"),
                 ("young_filter.matte_stays", "on"),
+                ("changed_light.glossy", "on"),
+                ("changed_light.fast", "0.63"),
+                ("changed_light.begin", "0.7"),
+                ("changed_light.certain", "2.3"),
+                ("changed_light.least", "0.03"),
+                ("changed_light.radius", "2"),
+                ("changed_light.spacing", "5"),
             ],
         ),
         (
@@ -279,6 +286,9 @@ fn cases() -> Vec<(Size, Changes)> {
                 ("matte_prefilter.sigma", "0.05"),
                 ("matte_bilateral.taps", "64"),
                 ("matte_bilateral.radius", "0"),
+                ("changed_light.matte", "on"),
+                ("changed_light.begin", "3"),
+                ("changed_light.certain", "1"),
             ],
         ),
     ]

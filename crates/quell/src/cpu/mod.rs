@@ -15,6 +15,7 @@ use crate::frame::{Frame, Rgb, Signal};
 use crate::history::Validity;
 use crate::kernels::edge_cpu::Gains;
 use crate::kernels::spiral::{Spiral, SpiralShape};
+use crate::kernels::temporal::Blend;
 use crate::phased::guides::{CpuGuides, copy_colours, read_colours};
 use crate::phased::layout::{Colours, Phases};
 use crate::pipeline::{Image, Plan, Stage, Step};
@@ -26,7 +27,7 @@ use crate::stages::young_filter as young;
 use buffers::Buffers;
 use fearless_simd::Level;
 use passes::{
-    composite, direct_taa, disocclusion, firefly, glossy_bilateral, sparse_bilateral, temporal, young_filter,
+    change, composite, direct_taa, disocclusion, firefly, glossy_bilateral, sparse_bilateral, temporal, young_filter,
 };
 
 /// Confidence and history length of a signal.
@@ -37,12 +38,22 @@ struct Memory {
     /// The length in phase order, of this frame and of the one before.
     kept: Vec<f32>,
     kept_before: Vec<f32>,
+    /// The fast history, where light's changes are looked for: the same.
+    fast: Vec<f32>,
+    fast_before: Vec<f32>,
 }
 
 impl Memory {
     fn new(size: Size) -> Self {
         let (one, kept) = (Plane::filled(size, 1.0), vec![1.0; size.pixels()]);
-        Self { confidence: one.clone(), length: one, kept: kept.clone(), kept_before: kept }
+        Self {
+            confidence: one.clone(),
+            length: one,
+            kept: kept.clone(),
+            kept_before: kept,
+            fast: Vec::new(),
+            fast_before: Vec::new(),
+        }
     }
 }
 
@@ -77,6 +88,8 @@ pub struct Cpu {
     seen_now: bool,
     /// Variance of luminance between the levels of `young_filter`, in phase order.
     noise: [Vec<f32>; 2],
+    /// Luminance of a history, and where its light has changed, in phase order.
+    change: [Vec<f32>; 2],
 }
 
 /// Places in `Cpu::shown` after those of the signals.
@@ -107,6 +120,7 @@ impl Cpu {
             seen: Vec::new(),
             seen_now: false,
             noise: Default::default(),
+            change: Default::default(),
         }
     }
 
@@ -172,6 +186,7 @@ impl Cpu {
         }
         for memory in self.memory.iter_mut().flatten() {
             std::mem::swap(&mut memory.kept, &mut memory.kept_before);
+            std::mem::swap(&mut memory.fast, &mut memory.fast_before);
         }
     }
 
@@ -225,11 +240,28 @@ impl Cpu {
                 };
                 let memory = self.memory[signal as usize].get_or_insert_with(|| Memory::new(phases.size));
                 self.accumulated[signal as usize] = true;
-                let Memory { confidence, length, kept, kept_before } = memory;
+                let Memory { confidence, length, kept, kept_before, fast, fast_before } = memory;
+                let change = match signal {
+                    Signal::Matte => Blend::matte(settings).change,
+                    Signal::Glossy => Blend::glossy(settings).change,
+                };
+                // Without the detector there is no fast history.
+                fast.resize(if change.is_some() { pixels } else { 0 }, 0.0);
+                let mut fast = Some(fast.as_mut_slice()).filter(|fast| !fast.is_empty());
                 let history = self.history[signal as usize].take();
                 match history.as_ref().filter(|h| valid && h.planes == input.planes) {
                     Some(colours) => {
-                        let remembered = temporal::Remembered { colours, length: kept_before };
+                        // A fast history that begins with this frame says nothing of the long one.
+                        let change = change.filter(|_| fast_before.len() == pixels);
+                        let [light, changed] = &mut self.change;
+                        if let Some(change) = &change {
+                            light.resize(pixels, 0.0);
+                            changed.resize(pixels, 0.0);
+                            let left = change::Left { colours, length: kept_before, fast: fast_before };
+                            change::run(level, &phases, change, left, light, changed);
+                        }
+                        let found = change.map(|_| (changed.as_slice(), fast_before.as_slice()));
+                        let remembered = temporal::Remembered { colours, length: kept_before, change: found };
                         let reads = self.seen_now && signal == Signal::Glossy;
                         let writes = signal == Signal::Matte
                             && settings.glossy_temporal.enabled
@@ -245,11 +277,12 @@ impl Cpu {
                             _ => (None, None),
                         };
                         let filter = temporal::Filter { level, guides, settings, signal, seen };
-                        let memory = temporal::Memory { confidence, length, kept, seen: written };
+                        let memory = temporal::Memory { confidence, length, kept, seen: written, fast: fast.take() };
                         temporal::run(&filter, &input, remembered, &mut output, memory);
                     }
                     None => {
-                        temporal::begin(guides, temporal::Memory { confidence, length, kept, seen: None });
+                        let memory = temporal::Memory { confidence, length, kept, seen: None, fast: fast.take() };
+                        temporal::begin(guides, &input, memory);
                         output.data.copy_from_slice(&input.data);
                     }
                 }

@@ -12,6 +12,9 @@ const ROUGHNESS: u32 = SCALAR;
 const MOTION: u32 = 2 * SCALAR;
 /// Confidence and length for the caller, length for the next frame.
 const TEMPORAL: u32 = 3 * SCALAR;
+/// The detector of changed light: history's colours; its luminance written and read, what changed too; length, fast history read, and
+/// once more where it is blended; written.
+const CHANGE: u32 = COLOUR + 8 * SCALAR;
 /// A finished image from phase order into the host's: read and written.
 const SHOWN: u32 = 2 * COLOUR;
 
@@ -26,11 +29,17 @@ pub fn bytes_per_pixel(plan: &Plan, settings: &Settings, stage: Stage) -> Option
     let seen = if shares { SCALAR } else { 0 };
     // Current and historic colours and the result; the old length.
     let blended = 3 * COLOUR + SCALAR + TEMPORAL;
+    let change = |is_on: bool| if is_on { CHANGE } else { 0 };
     let filtered = 2 * COLOUR + SURFACE + ROUGHNESS;
     let moved = match stage {
-        Stage::MatteTemporal => blended + 2 * SURFACE + ROUGHNESS + MOTION + seen,
+        Stage::MatteTemporal => {
+            blended + 2 * SURFACE + ROUGHNESS + MOTION + seen + change(settings.changed_light.matte)
+        }
         // Its own guides, the hit distance, the previous guides; motion only where stage 3 did not find the surfaces for it.
-        Stage::GlossyTemporal => blended + 2 * (SURFACE + ROUGHNESS) + SCALAR + if shares { seen } else { MOTION },
+        Stage::GlossyTemporal => {
+            let found = if shares { seen } else { MOTION };
+            blended + 2 * (SURFACE + ROUGHNESS) + SCALAR + found + change(settings.changed_light.glossy)
+        }
         Stage::MattePrefilter | Stage::MatteBilateral => filtered,
         // With the history length.
         Stage::MatteYoung1
@@ -76,6 +85,9 @@ mod tests {
         assert!(Stage::ALL.into_iter().all(|s| of(&plan, &settings, s).is_some()));
         // Without stage 3, stage 8 reads motion, 8 bytes, not the surfaces that stage 3 found, 4.
         let shared = of(&plan, &settings, Stage::GlossyTemporal).unwrap();
+        let mut looking = settings.clone();
+        looking.changed_light.glossy = true;
+        assert_eq!(of(&plan, &looking, Stage::GlossyTemporal), Some(shared + 44));
         settings.matte_temporal.enabled = false;
         let alone = Plan::new(&settings, Inputs::ALL);
         assert_eq!(of(&alone, &settings, Stage::GlossyTemporal), Some(shared + 4));

@@ -3,7 +3,7 @@
 use super::guides::{self, half};
 use super::sequence;
 use crate::border::COLOUR_LIMIT;
-use crate::kernels::{clip, edge, guide_distance, math, mirror_image, reproject, spiral, temporal};
+use crate::kernels::{change, clip, edge, guide_distance, math, mirror_image, reproject, spiral, temporal};
 use crate::stages::{feature_noise, firefly, gather, glossy_bilateral, wavelet, young_filter};
 use std::collections::HashSet;
 
@@ -38,6 +38,10 @@ const ALL: &[(&str, Number)] = &[
     ("HALF_MAX", F32(half::HALF_MAX)),
     // The real-time filter.
     ("CLIP_LEAST_SHARE", F32(clip::LEAST_SHARE)),
+    ("CHANGE_DARKEST", U32(change::DARKEST)),
+    ("CHANGE_LEAST_TAPS", F32(change::LEAST_TAPS)),
+    ("CHANGE_LEAST_VARIANCE", F32(change::LEAST_VARIANCE)),
+    ("CHANGE_MOST_LIGHT", F32(change::MOST_LIGHT)),
     ("COINCIDENT_PX", F32(edge::COINCIDENT_PX)),
     ("GLOSS_SCALE", F32(edge::GLOSS_SCALE)),
     ("SAME_PLANE_PX", F32(mirror_image::SAME_PLANE_PX)),

@@ -129,6 +129,11 @@ impl Denoiser {
         Ok(())
     }
 
+    /// The settings in force.
+    pub fn settings(&self) -> &Settings {
+        &self.options.settings
+    }
+
     /// Forgets history: the next frame starts afresh.
     pub fn reset(&mut self) {
         self.ledger.reset();

@@ -114,7 +114,7 @@ mod internals {
         Band, Estimated, SequenceKernels, SequenceStage, SequenceView, SequenceWavelet, SequenceWindow, WaveletBuffers,
     };
     pub use super::slot::Slot;
-    pub use super::storage::Texel;
+    pub use super::storage::{Texel, beside, parted};
     pub use super::taps::{TAP_FRAMES, pack_taps};
     pub use super::tile::{Area, Tile, reach_px};
     pub use super::uniform::{Member, Uniform};

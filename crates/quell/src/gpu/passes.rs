@@ -36,6 +36,8 @@ const EDGE: &str = include_str!("../kernels/edge.wgsl");
 const SPIRAL: &str = include_str!("../kernels/spiral.wgsl");
 const CLIP: &str = include_str!("../kernels/clip.wgsl");
 const REPROJECT: &str = include_str!("../kernels/reproject.wgsl");
+const BESIDE: &str = include_str!("../kernels/beside.wgsl");
+const CHANGE: &str = include_str!("../kernels/change.wgsl");
 const TEMPORAL: &str = include_str!("../kernels/temporal.wgsl");
 const MIRROR_IMAGE: &str = include_str!("../kernels/mirror_image.wgsl");
 const MATTE_TEMPORAL: &str = include_str!("../stages/matte_temporal/shader.wgsl");
@@ -75,6 +77,7 @@ const YOUNG: &[&str] = &[
     GUIDES_SURFACE,
     MATH,
     EDGE,
+    BESIDE,
     include_str!("../stages/young_filter/shader.wgsl"),
     include_str!("passes/young_filter.wgsl"),
 ];
@@ -83,6 +86,7 @@ const YOUNG_JOINT: &[&str] = &[
     GUIDES_SURFACE,
     MATH,
     EDGE,
+    BESIDE,
     include_str!("../stages/young_filter/shader.wgsl"),
     include_str!("passes/young_filter_joint.wgsl"),
 ];
@@ -198,6 +202,8 @@ impl Pass {
             MATH,
             CLIP,
             REPROJECT,
+            BESIDE,
+            CHANGE,
             TEMPORAL,
             MATTE_TEMPORAL,
             ACCUMULATED,
@@ -268,6 +274,8 @@ impl Pass {
             CLIP,
             REPROJECT,
             MIRROR_IMAGE,
+            BESIDE,
+            CHANGE,
             TEMPORAL,
             GLOSSY_TEMPORAL,
             ACCUMULATED,
@@ -358,6 +366,8 @@ impl Pass {
             CLIP,
             REPROJECT,
             MIRROR_IMAGE,
+            BESIDE,
+            CHANGE,
             TEMPORAL,
             MATTE_TEMPORAL,
             GLOSSY_TEMPORAL,
@@ -390,6 +400,8 @@ impl Pass {
             MATH,
             CLIP,
             REPROJECT,
+            BESIDE,
+            CHANGE,
             TEMPORAL,
             TEMPORAL_JOINT,
             MATTE_TEMPORAL,
@@ -422,6 +434,8 @@ impl Pass {
             CLIP,
             REPROJECT,
             MIRROR_IMAGE,
+            BESIDE,
+            CHANGE,
             TEMPORAL,
             TEMPORAL_JOINT,
             GLOSSY_TEMPORAL,

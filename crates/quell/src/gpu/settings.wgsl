@@ -35,6 +35,16 @@ struct Blend {
     clip_radius: i32,
     clip_gamma: f32,
     confidence_frames: f32,
+    // Of the detector of changed light: most that history counts in the fast mean, and that mean's frames; 0: there is none.
+    fast: f32,
+    fast_frames: f32,
+    // Most frames of the long mean.
+    long_frames: f32,
+    change_begin: f32,
+    change_slope: f32,
+    change_least: f32,
+    change_radius: i32,
+    change_spacing: i32,
 }
 
 struct EdgeStops {

@@ -8,8 +8,36 @@
 //! | moving | rg32uint, 8: motion in 20 bits an axis (relative error 2^-15, under 1.2e-4 px it is 0, at most 131072 px), glossy hit distance over view depth as half, `confidence_in` in steps of 1/240 | rgba32uint, 16 |
 //! | number | r32float, 4 | r32float, 4 |
 //!
+//! Where `changed_light` is on for a signal, its history length shares a number with the fast history ([`beside`]).
+//!
 //! The fourth value of a colour is the confidence in what stages 3 and 8 write (negative for background) and 0 in all other planes.
 //! Colours of the host are textures of any float format.
+
+use crate::kernels::change::{DARKEST, rounded_length, rounded_light};
+
+/// Bits of a number that hold a history length, where the fast history lies beside it.
+const LENGTH_BITS: u32 = 0xffff_f800;
+/// Bits of a float below those that a code of the fast history counts.
+const CODE_SHIFT: u32 = 18;
+
+/// A history length, at least 1, and the fast history's luminance, 0..65504, each rounded as it is kept (`kernels/change.rs`), in one
+/// number: the upper 21 bits of the length's float and, in the lower 11, the upper 14 bits of the luminance's counted from the darkest
+/// (1: black, 0: there is none). It is a float near to the length: at most 2^-12 larger.
+pub fn beside(length: f32, fast: f32) -> f32 {
+    let code = (rounded_light(fast).to_bits() >> CODE_SHIFT).max(DARKEST) - (DARKEST - 1);
+    f32::from_bits(rounded_length(length, true).to_bits() | code)
+}
+
+/// Both again; the second is `None` where there is no fast history.
+pub fn parted(texel: f32) -> (f32, Option<f32>) {
+    let bits = texel.to_bits();
+    let fast = match bits & !LENGTH_BITS {
+        0 => None,
+        1 => Some(0.0),
+        code => Some(f32::from_bits((code + (DARKEST - 1)) << CODE_SHIFT)),
+    };
+    (f32::from_bits(bits & LENGTH_BITS), fast)
+}
 
 /// How planes are stored.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
@@ -96,5 +124,28 @@ impl Texel {
             Self::Geometry | Self::Surface | Self::Moving => wgpu::TextureSampleType::Uint,
             Self::Colour | Self::Number => wgpu::TextureSampleType::Float { filterable: false },
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn two_numbers_lie_side_by_side() {
+        for length in (1..=4096).map(|n| n as f32) {
+            for fast in [0.0, 1e-15, 1e-14, 6e-8, 0.1, 1.0, 65504.0] {
+                let texel = beside(length, fast);
+                assert!(texel >= length && texel <= length * (1.0 + 1.0 / 4096.0));
+                let (kept, light) = parted(texel);
+                assert_eq!(kept, length);
+                let light = light.unwrap();
+                assert_eq!(light, rounded_light(fast));
+                assert!((light - fast).abs() <= fast / 64.0 || (light == 0.0 && fast < 8e-15), "{fast}");
+            }
+            assert_eq!(parted(length), (length, None));
+        }
+        let (kept, _) = parted(beside(100.3, 1.0));
+        assert!((kept - 100.3).abs() <= 100.3 / 8192.0, "{kept}");
     }
 }

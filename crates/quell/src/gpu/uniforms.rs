@@ -8,6 +8,7 @@ use crate::camera::Projection;
 use crate::frame::Signal;
 use crate::history::Validity;
 use crate::kernels::mirror_image::FARTHEST_BENT_PX;
+use crate::kernels::temporal;
 use crate::plane::Size;
 use crate::settings::{
     Clip, GlossyRadius, HitFilter, Median, OffScreen, REFERENCE_ROWS, Rejection, Settings, SurfaceSettings,
@@ -68,6 +69,14 @@ uniforms! {
         clip_radius: u32,
         clip_gamma: f32,
         confidence_frames: f32,
+        fast: f32,
+        fast_frames: f32,
+        long_frames: f32,
+        change_begin: f32,
+        change_slope: f32,
+        change_least: f32,
+        change_radius: u32,
+        change_spacing: u32,
     }
 
     EdgeStops as "EdgeStops" {
@@ -281,22 +290,8 @@ impl SettingsUniforms {
         let edge = |gloss| EdgeStops { depth: s.edge.depth, normal: s.edge.normal, plane: s.edge.plane, gloss };
         Self {
             surface: surface(&s.surface),
-            matte_blend: Blend {
-                alpha: s.matte_temporal.alpha,
-                ramp: u32::from(s.matte_temporal.ramp),
-                clip: clip(s.matte_temporal.clip),
-                clip_radius: s.matte_temporal.clip_radius,
-                clip_gamma: s.matte_temporal.clip_gamma,
-                confidence_frames: s.surface.confidence_frames,
-            },
-            glossy_blend: Blend {
-                alpha: s.glossy_temporal.alpha,
-                ramp: u32::from(s.glossy_temporal.ramp),
-                clip: clip(s.glossy_temporal.clip),
-                clip_radius: s.glossy_temporal.clip_radius,
-                clip_gamma: s.glossy_temporal.clip_gamma,
-                confidence_frames: s.surface.confidence_frames,
-            },
+            matte_blend: blend(&temporal::Blend::matte(settings)),
+            glossy_blend: blend(&temporal::Blend::glossy(settings)),
             matte_edge: edge(s.edge.matte_gloss),
             glossy_edge: edge(s.edge.glossy_gloss),
             young: young(s),
@@ -380,6 +375,26 @@ impl SettingsUniforms {
     /// What the uniform buffer holds.
     pub fn bytes(&self) -> Vec<u8> {
         bytes(self)
+    }
+}
+
+fn blend(blend: &temporal::Blend) -> Blend {
+    let change = blend.change;
+    Blend {
+        alpha: blend.alpha,
+        ramp: u32::from(blend.ramp),
+        clip: clip(blend.clip),
+        clip_radius: blend.clip_radius,
+        clip_gamma: blend.clip_gamma,
+        confidence_frames: blend.confidence_frames,
+        fast: change.map_or(0.0, |c| c.fast),
+        fast_frames: change.map_or(0.0, |c| c.fast_frames),
+        long_frames: change.map_or(0.0, |c| c.long_frames),
+        change_begin: change.map_or(0.0, |c| c.begin),
+        change_slope: change.map_or(0.0, |c| c.slope),
+        change_least: change.map_or(0.0, |c| c.least),
+        change_radius: change.map_or(0, |c| c.radius),
+        change_spacing: change.map_or(0, |c| c.spacing),
     }
 }
 

@@ -5,6 +5,7 @@
 //! | `reproject` | where a surface was in the frame before, and whether it is the same: disocclusion | real-time |
 //! | `mirror_image` | where the image in a mirror was | real-time |
 //! | `temporal`, `clip` | the blend with history; its clamp to the neighbourhood | real-time |
+//! | `change` | where light has changed: a fast history beside the long one | real-time |
 //! | `edge`, `spiral` | cross-bilateral weights; sparse tap patterns | real-time |
 //! | `guide_distance` | edge-stopping functions of feature buffers | sequence |
 //! | `net`, `conv` | small nets: of a pixel's statistics; convolutional | sequence |
@@ -14,6 +15,9 @@
 //! `*_cpu.rs` are twins on vectors, `*.wgsl` on the GPU.
 
 pub(crate) mod bilinear;
+pub mod change;
+#[cfg(feature = "cpu")]
+pub(crate) mod change_cpu;
 pub mod clip;
 #[cfg(feature = "cpu")]
 pub(crate) mod clip_cpu;

@@ -1,12 +1,13 @@
 //! What stages 3 and 8 share once they know where history lies: fetch, clamp, blend.
 
+use super::change::{Change, rounded_length};
 use super::clip::{ColourBox, follow, shareable};
 use super::math::three;
 use super::reproject::Lookup;
 use crate::border::Guides;
 use crate::frame::Rgb;
 use crate::plane::Plane;
-use crate::settings::{Clip, GlossyTemporal, MatteTemporal};
+use crate::settings::{Clip, Settings};
 
 /// The part of a temporal stage's parameters that blends.
 #[derive(Clone, Copy, Debug)]
@@ -23,30 +24,46 @@ pub struct Blend {
     pub clip_gamma: f32,
     /// History length of full confidence, frames.
     pub confidence_frames: f32,
+    /// The detector of changed light; `None`: off, and no fast history.
+    pub change: Option<Change>,
+    /// Most that history counts in the fast mean; 0 without the detector.
+    pub fast: f32,
+    /// Lengths are rounded as the detector keeps them.
+    pub rounds: bool,
 }
 
 impl Blend {
     /// Of stage 3.
-    pub fn matte(s: &MatteTemporal, confidence_frames: f32) -> Self {
+    pub fn matte(settings: &Settings) -> Self {
+        let s = &settings.matte_temporal;
+        let change = settings.changed_light.matte.then(|| Change::new(&settings.changed_light, s.alpha));
         Self {
             alpha: s.alpha,
             ramp: s.ramp,
             clip: s.clip,
             clip_radius: s.clip_radius,
             clip_gamma: s.clip_gamma,
-            confidence_frames,
+            confidence_frames: settings.surface.confidence_frames,
+            change,
+            fast: change.map_or(0.0, |change| change.fast),
+            rounds: change.is_some(),
         }
     }
 
     /// Of stage 8.
-    pub fn glossy(s: &GlossyTemporal, confidence_frames: f32) -> Self {
+    pub fn glossy(settings: &Settings) -> Self {
+        let s = &settings.glossy_temporal;
+        let change = settings.changed_light.glossy.then(|| Change::new(&settings.changed_light, s.alpha));
         Self {
             alpha: s.alpha,
             ramp: s.ramp,
             clip: s.clip,
             clip_radius: s.clip_radius,
             clip_gamma: s.clip_gamma,
-            confidence_frames,
+            confidence_frames: settings.surface.confidence_frames,
+            change,
+            fast: change.map_or(0.0, |change| change.fast),
+            rounds: change.is_some(),
         }
     }
 
@@ -55,13 +72,15 @@ impl Blend {
     #[inline(always)]
     pub fn weigh(&self, trust: f32, length: f32) -> Weighed {
         if trust <= 0.0 || length <= 0.0 {
-            return Weighed { history: 0.0, confidence: 0.0, length: 1.0 };
+            return Weighed { history: 0.0, fast: 0.0, confidence: 0.0, length: 1.0 };
         }
-        let alpha = if self.ramp { self.alpha.min(length / (length + 1.0)) } else { self.alpha };
+        let growing = length / (length + 1.0);
+        let alpha = if self.ramp { self.alpha.min(growing) } else { self.alpha };
         Weighed {
             history: trust * alpha,
+            fast: trust * self.fast.min(growing),
             confidence: trust * (length / self.confidence_frames).min(1.0),
-            length: (trust * length + 1.0).min(LONGEST_HISTORY),
+            length: rounded_length((trust * length + 1.0).min(LONGEST_HISTORY), self.rounds),
         }
     }
 
@@ -88,6 +107,8 @@ pub const LONGEST_HISTORY: f32 = 4096.0;
 pub struct Weighed {
     /// Share of history, 0..1.
     pub history: f32,
+    /// Share of the fast history in what becomes the new one, 0..1.
+    pub fast: f32,
     /// Confidence, 0..1.
     pub confidence: f32,
     /// New history length, frames.

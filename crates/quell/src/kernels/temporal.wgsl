@@ -9,12 +9,16 @@ struct Accumulated {
     confidence: f32,
     // Frames, at least 1.
     length: f32,
+    // What the plane of history lengths holds: the length, and the fast history beside it where there is one.
+    texel: f32,
 }
 
 // How one pixel blends.
 struct Weighed {
     // Share of history, 0..1.
     history: f32,
+    // Share of the fast history, 0..1.
+    fast: f32,
     confidence: f32,
     // New history length, frames.
     length: f32,
@@ -23,14 +27,16 @@ struct Weighed {
 // How much history counts, the confidence, and the new history length, from trust rho and the old length N.
 fn weigh(blend: Blend, trust: f32, frames: f32) -> Weighed {
     if trust <= 0.0 || frames <= 0.0 {
-        return Weighed(0.0, 0.0, 1.0);
+        return Weighed(0.0, 0.0, 0.0, 1.0);
     }
+    let growing = frames / (frames + 1.0);
     var alpha = blend.alpha;
     if blend.ramp != 0u {
-        alpha = min(blend.alpha, frames / (frames + 1.0));
+        alpha = min(blend.alpha, growing);
     }
     return Weighed(
         trust * alpha,
+        trust * min(blend.fast, growing),
         trust * min(frames / blend.confidence_frames, 1.0),
         min(trust * frames + 1.0, LONGEST_HISTORY),
     );
@@ -88,10 +94,15 @@ fn accumulate(
     let now = input_colour(textureLoad(current, pixel, 0));
     let depth = depth_at(pixel);
     let trust = lookup.trust * moving_at(pixel, depth).confidence_in;
-    let weighed = weigh(blend, trust, fetch_length(lookup, history_length));
+    let weighed = weigh(blend, trust, frames_left(blend, lookup, history, history_length));
     let confidence = select(1.0, weighed.confidence, depth != BACKGROUND);
+    var texel = weighed.length;
+    if looks_for_change(blend) {
+        let fast = fetch_both(lookup, history, history_length).y;
+        texel = beside(weighed.length, weighed.fast * fast + (1.0 - weighed.fast) * kept_light(now));
+    }
     if weighed.history <= 0.0 {
-        return Accumulated(now, confidence, weighed.length);
+        return Accumulated(now, confidence, weighed.length, texel);
     }
     let fetched = fetch(lookup, history);
     var held = fetched;
@@ -101,5 +112,5 @@ fn accumulate(
             held[c] = follow_itself(fetched[c], shareable(fetched[c], clamped[c], now[c]));
         }
     }
-    return Accumulated(weighed.history * held + (1.0 - weighed.history) * now, confidence, weighed.length);
+    return Accumulated(weighed.history * held + (1.0 - weighed.history) * now, confidence, weighed.length, texel);
 }

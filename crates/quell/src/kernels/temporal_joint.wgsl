@@ -28,10 +28,10 @@ fn accumulate_joint(
     let own = input_colour(textureLoad(pass_current, pixel, 0));
     let depth = depth_at(pixel);
     let trust = lookup.trust * moving_at(pixel, depth).confidence_in;
-    let weighed = weigh(blend, trust, fetch_length(lookup, history_length));
+    let weighed = weigh(blend, trust, frames_left(blend, lookup, history, history_length));
     let confidence = select(1.0, weighed.confidence, depth != BACKGROUND);
     if weighed.history <= 0.0 {
-        return Accumulated(own, confidence, weighed.length);
+        return Accumulated(own, confidence, weighed.length, weighed.length);
     }
     var held = fetch(lookup, pass_history);
     if blend.clip != CLIP_OFF {
@@ -42,5 +42,5 @@ fn accumulate_joint(
             held[c] = follow(held[c], fetched[c], shareable(fetched[c], clamped[c], now[c]), own[c], now[c]);
         }
     }
-    return Accumulated(weighed.history * held + (1.0 - weighed.history) * own, confidence, weighed.length);
+    return Accumulated(weighed.history * held + (1.0 - weighed.history) * own, confidence, weighed.length, weighed.length);
 }

@@ -24,6 +24,7 @@ use std::collections::HashMap;
 struct History {
     planes: Vec<Plane<Rgb>>,
     length: Option<Plane<f32>>,
+    fast: Option<Plane<f32>>,
 }
 
 /// What another back end made of a stage.
@@ -35,6 +36,8 @@ pub struct Given {
     pub floored: Option<Plane<Rgb>>,
     /// Confidence and history length, of stages 3 and 8.
     pub state: Option<[Plane<f32>; 2]>,
+    /// The fast history, of stages 3 and 8 where light's changes are looked for.
+    pub fast: Option<Plane<f32>>,
 }
 
 /// The reference back end for one image size.
@@ -120,8 +123,10 @@ impl Reference {
         };
         self.matte_history.planes = remember(plan.matte_feedback, &self.images);
         self.matte_history.length = self.temporal[0].as_ref().map(|t| t.length.clone());
+        self.matte_history.fast = self.temporal[0].as_ref().and_then(|t| t.fast.clone());
         self.glossy_history.planes = remember(plan.glossy_feedback, &self.images);
         self.glossy_history.length = self.temporal[1].as_ref().map(|t| t.length.clone());
+        self.glossy_history.fast = self.temporal[1].as_ref().and_then(|t| t.fast.clone());
         self.direct_history =
             plan.runs(Stage::DirectTaa).then(|| self.images.get(&plan.direct_output).map(|p| p[0].clone())).flatten();
         self.previous_guides = self.guides.clone();
@@ -135,7 +140,8 @@ impl Reference {
             _ => None,
         };
         if let (Some(signal), Some([confidence, length])) = (signal, given.state) {
-            self.temporal[signal as usize] = Some(Temporal { planes: vec![given.output.clone()], confidence, length });
+            self.temporal[signal as usize] =
+                Some(Temporal { planes: vec![given.output.clone()], confidence, length, fast: given.fast });
         }
         self.images.insert(step.output, vec![given.output]);
         if let Some(floored) = given.floored {
@@ -278,5 +284,5 @@ impl Reference {
 
 fn remembered<'a>(history: &'a History, guides: &'a Option<Guides>, valid: bool) -> Option<Remembered<'a>> {
     let (Some(guides), Some(length), true) = (guides.as_ref(), history.length.as_ref(), valid) else { return None };
-    Some(Remembered { planes: &history.planes, length, guides })
+    Some(Remembered { planes: &history.planes, length, fast: history.fast.as_ref(), guides })
 }

@@ -95,6 +95,80 @@ fn quality_is_smooth_and_keeps_its_light_from_the_first_frame_on() {
     }
 }
 
+/// Light of a lamp that rises fourfold at frame 24 and falls to an eighth at frame 48.
+fn switched(_: DVec3, t: f64) -> Rgb {
+    match t {
+        ..24.0 => [0.5; 3],
+        24.0..48.0 => [2.0; 3],
+        _ => [0.25; 3],
+    }
+}
+
+/// Frames after each of the switches until nine tenths of the change of the matte light are there.
+fn frames_to_follow(settings: &Settings, backend: Backend, scene: &Scene) -> [usize; 2] {
+    let size = Size::new(64, 48);
+    let mut denoiser = Denoiser::with_backend(size, settings, backend).unwrap();
+    let mut missing = [0; 2];
+    for i in 0..72 {
+        let light = mean(&denoise(&mut denoiser, &scene.frame(size, i)).matte.unwrap());
+        let (change, begin) = if i < 48 { (0, 24) } else { (1, 48) };
+        let [new, old] = [[2.0, 0.5], [0.25, 2.0]][change];
+        if i >= begin && (light - new) / (old - new) > 0.1 {
+            missing[change] = (i - begin + 1) as usize;
+        }
+    }
+    missing
+}
+
+#[test]
+fn history_is_shortened_where_light_changes() {
+    for backend in BACKENDS {
+        for (view, noise) in [(still as fn(f64) -> View, Noise::Sparse(0.3)), (moving, Noise::Uniform)] {
+            let mut scene = wall(view, noise);
+            scene.objects[0].light = switched;
+            let settings = Settings::preset(Preset::Quality);
+            let mut without = settings.clone();
+            without.changed_light.matte = false;
+            let frames = frames_to_follow(&settings, backend, &scene);
+            let slow = frames_to_follow(&without, backend, &scene);
+            println!("{frames:?}; without {slow:?}");
+            assert!(frames.iter().all(|n| *n <= 4), "{frames:?}");
+            assert!(slow.iter().all(|n| *n > 20), "{slow:?}");
+        }
+    }
+}
+
+#[test]
+fn history_stays_long_where_light_rests() {
+    // Light that one path in thirty finds: windows that none of the last frames has lit are no change; and even noise, where nothing may
+    // happen at all. The least share of histories of more than 20 frames.
+    type Case = (fn(f64) -> View, Noise, f64);
+    let cases: [Case; 3] =
+        [(still, Noise::Sparse(1.0 / 30.0), 0.35), (moving, Noise::Sparse(0.1), 0.35), (still, Noise::Uniform, 0.99)];
+    let size = Size::new(64, 48);
+    let settings = Settings::preset(Preset::Quality);
+    for backend in BACKENDS {
+        for (view, noise, least) in cases {
+            let scene = wall(view, noise);
+            let mut denoiser = Denoiser::with_backend(size, &settings, backend).unwrap();
+            let (mut given, mut left, mut long) = (0.0, 0.0, 0.0);
+            for i in 0..80 {
+                let frame = scene.frame(size, i);
+                given += mean(frame.matte.as_ref().unwrap());
+                let kept = denoise(&mut denoiser, &frame);
+                if i >= 40 {
+                    left += mean(&kept.matte.unwrap()) / 40.0;
+                    long +=
+                        kept.history.data().iter().filter(|n| **n > 20.0).count() as f64 / 40.0 / size.pixels() as f64;
+                }
+            }
+            println!("{} of the light is left, {long} of the histories are long", left / (given / 80.0));
+            assert!((left / (given / 80.0) - 1.0).abs() < 0.02, "{left} of {}", given / 80.0);
+            assert!(long > least, "{long} of {least}");
+        }
+    }
+}
+
 #[test]
 fn what_was_uncovered_takes_light_from_what_is_known() {
     // A wall whose left half the host distrusts in the last frame: its light comes from the right one, at once.
@@ -1133,12 +1207,18 @@ fn trials() -> Vec<(&'static str, Settings, Vec<FrameBuf>)> {
     let mut young = paper();
     (young.young_filter.matte, young.young_filter.glossy) = (true, true);
     young.young_filter.lobe = 0.1;
+    // Every difference between the means counts, and part of history stays.
+    let mut changing = paper();
+    (changing.changed_light.matte, changing.changed_light.glossy) = (true, true);
+    (changing.changed_light.fast, changing.changed_light.least) = (0.2, 0.01);
+    (changing.changed_light.begin, changing.changed_light.certain) = (0.1, 30.0);
     // Rows enough for a distance of more than a pixel between the taps of the separable kernel.
     let tall = sequence(&wall(still, Noise::Uniform), Size::new(10, 144), 1);
     vec![
         ("tall", Settings::default(), tall),
         ("box", paper(), box_frames.clone()),
         ("box, young history", young, box_frames.clone()),
+        ("box, changing light", changing, box_frames.clone()),
         ("box, other choices", other.clone(), box_frames),
         ("mirror", paper(), mirrors),
         ("bumpy sphere", paper(), spheres.clone()),

@@ -4,18 +4,21 @@
 //! Both stages ask where the surface was. Stage 8 reads what stage 3 found.
 
 use crate::frame::Signal;
+use crate::kernels::change::{kept_light, rounded_light};
 use crate::kernels::clip_cpu::{Columns, Moments};
+use crate::kernels::math::three;
 use crate::kernels::reproject_cpu::{Expected, Footprint, LANES, Lanes, Lanes3, Lookup};
 use crate::kernels::spiral::PERIOD;
 use crate::kernels::temporal::Blend;
 use crate::phased::guides::{CpuGuides, field};
-use crate::phased::layout::{Colours, Phases, copy, interleave};
+use crate::phased::layout::{Colours, Phases, channel, copy, interleave};
 use crate::phased::rows;
 use crate::plane::Plane;
 use crate::settings::{Clip, Settings};
 use crate::stages::glossy_temporal::cpu::{reflect, visible};
 use crate::stages::matte_temporal::cpu::{
-    Shares, blend_beauty, blend_lanes, blend_unclamped, clamp, fetch, fetch_scalar, load,
+    Shares, blend_beauty, blend_fast, blend_lanes, blend_unclamped, clamp, fetch, fetch_scalar, keep_light, load,
+    shorten,
 };
 use fearless_simd::{Level, dispatch};
 
@@ -36,6 +39,8 @@ pub(crate) struct Remembered<'a> {
     pub colours: &'a Colours,
     /// History length, phase order.
     pub length: &'a [f32],
+    /// Where light has changed, and the fast history, phase order.
+    pub change: Option<(&'a [f32], &'a [f32])>,
 }
 
 /// What it writes besides colours.
@@ -47,6 +52,8 @@ pub(crate) struct Memory<'a> {
     pub kept: &'a mut [f32],
     /// What stage 8 will want to know of the surfaces, where it will.
     pub seen: Option<&'a mut [f32]>,
+    /// The fast history for the next frame, phase order.
+    pub fast: Option<&'a mut [f32]>,
 }
 
 /// Rows whose windows overlap are done together where boxes need no more of them.
@@ -57,10 +64,19 @@ pub(crate) fn mirrors(settings: &Settings, guides: &CpuGuides) -> bool {
     settings.glossy_temporal.virtual_reprojection && guides.has_glossy_hit()
 }
 
-/// Without history: confidence and length; the colours are the current ones.
-pub(crate) fn begin(guides: &CpuGuides, memory: Memory<'_>) {
+/// Without history: confidence, length and fast history; the colours are the current ones.
+pub(crate) fn begin(guides: &CpuGuides, current: &Colours, memory: Memory<'_>) {
     let phases = guides.phases;
     let width = phases.size.width;
+    if let Some(fast) = memory.fast {
+        rows::each(fast, width, |y, fast| {
+            let row = current.row(width, y);
+            let [r, g, b] = three(|c| channel(row, width, 0, c));
+            for (x, fast) in fast.iter_mut().enumerate() {
+                *fast = rounded_light(kept_light([r[x], g[x], b[x]]));
+            }
+        });
+    }
     memory.length.data_mut().fill(1.0);
     memory.kept.fill(1.0);
     rows::each(memory.confidence.data_mut(), width, |y, row| {
@@ -71,6 +87,7 @@ pub(crate) fn begin(guides: &CpuGuides, memory: Memory<'_>) {
     });
 }
 
+#[inline(never)] // benchmarks/instructions.py counts it
 pub(crate) fn run(
     filter: &Filter<'_>,
     current: &Colours,
@@ -80,10 +97,9 @@ pub(crate) fn run(
 ) {
     let phases = filter.guides.phases;
     let width = phases.size.width;
-    let frames = filter.settings.surface.confidence_frames;
     let weights = match filter.signal {
-        Signal::Matte => Blend::matte(&filter.settings.matte_temporal, frames),
-        Signal::Glossy => Blend::glossy(&filter.settings.glossy_temporal, frames),
+        Signal::Matte => Blend::matte(filter.settings),
+        Signal::Glossy => Blend::glossy(filter.settings),
     };
     let height = match weights.clip {
         Clip::Sigma => Moments::band(weights.clip_radius as usize),
@@ -91,10 +107,15 @@ pub(crate) fn run(
     };
     let strides = [output.stride(width), width, width, width].map(|row| height * row);
     let targets = [output.elements_mut(), memory.confidence.data_mut(), memory.length.data_mut(), memory.kept];
-    rows::bands(targets, strides, memory.seen, |k, [colours, confidence, length, kept], seen| {
-        let mut out = Out { colours, confidence, length, kept, seen };
-        dispatch!(filter.level, _simd => band(filter, &phases, &weights, current, history, k * height, &mut out));
-    });
+    rows::bands(
+        targets,
+        strides,
+        [memory.seen, memory.fast],
+        |k, [colours, confidence, length, kept], [seen, fast]| {
+            let mut out = Out { colours, confidence, length, kept, seen, fast };
+            dispatch!(filter.level, _simd => band(filter, &phases, &weights, current, history, k * height, &mut out));
+        },
+    );
 }
 
 /// Rows that a band writes.
@@ -104,6 +125,7 @@ struct Out<'a> {
     length: &'a mut [f32],
     kept: &'a mut [f32],
     seen: Option<&'a mut [f32]>,
+    fast: Option<&'a mut [f32]>,
 }
 
 /// Lanes of one phase of one row.
@@ -128,6 +150,7 @@ struct Scratch {
     moments: Moments,
     shares: Shares,
     old_length: Lanes,
+    old_fast: Lanes,
     surfaces: Lanes,
     low: Lanes3,
     high: Lanes3,
@@ -151,6 +174,7 @@ impl Scratch {
             moments: Moments::new(),
             shares: Shares::new(),
             old_length: [0.0; LANES],
+            old_fast: [0.0; LANES],
             surfaces: [0.0; LANES],
             low: three,
             high: three,
@@ -288,13 +312,24 @@ fn band(
                 let begin = phases.range(phase).start + first;
                 let at = PixelRun { y, k, phase, first, n, begin };
                 scratch.look_up(filter, mirrors, at, out);
-                let Scratch { footprint, lookup, expected, shares, old_length, .. } = &mut scratch;
+                let Scratch { footprint, lookup, expected, shares, old_length, old_fast, .. } = &mut scratch;
                 fetch_scalar(history.length, width, (&*footprint, &*lookup), old_length);
+                if let Some((changed, fast)) = history.change {
+                    shorten(changed, width, (&*footprint, &*lookup), old_length);
+                    fetch_scalar(fast, width, (&*footprint, &*lookup), old_fast);
+                }
                 shares.weigh(weights, &lookup.trust, old_length, &expected.depth);
                 confidence[phase] = shares.confidence;
                 length[phase] = shares.length;
                 copy::<LANES, _>(&mut out.kept[k * width + begin..][..n], &shares.length[..n]);
                 scratch.blend(weights, (current, history), width, at, out);
+                if let Some(fast) = &mut out.fast {
+                    let Scratch { beauty_now, beauty_then, old_fast, shares, .. } = &mut scratch;
+                    if history.change.is_none() {
+                        keep_light(beauty_then, old_fast);
+                    }
+                    blend_fast(beauty_now, old_fast, &shares.fast, &mut fast[k * width + begin..][..n]);
+                }
             }
             let columns = k * width + PERIOD * first..k * width + width.min(PERIOD * (first + LANES));
             interleave(&confidence, &mut out.confidence[columns.clone()]);

@@ -5,6 +5,6 @@ fn accumulate_glossy(@builtin(global_invocation_id) id: vec3u) {
     if contains(pixel) {
         let result = glossy_temporal(pixel, current, history, history_length);
         textureStore(output, pixel, texel_of(result, is_surface(pixel)));
-        textureStore(new_length, pixel, vec4f(result.length));
+        textureStore(new_length, pixel, vec4f(result.texel));
     }
 }

@@ -8,8 +8,8 @@ fn accumulate_both(@builtin(global_invocation_id) id: vec3u) {
     let on_surface = is_surface(pixel);
     let matte = matte_temporal(pixel, matte_current, matte_history, matte_history_length);
     textureStore(matte_output, pixel, texel_of(matte, on_surface));
-    textureStore(matte_length, pixel, vec4f(matte.length));
+    textureStore(matte_length, pixel, vec4f(matte.texel));
     let glossy = glossy_temporal(pixel, glossy_current, glossy_history, glossy_history_length);
     textureStore(glossy_output, pixel, texel_of(glossy, on_surface));
-    textureStore(glossy_length, pixel, vec4f(glossy.length));
+    textureStore(glossy_length, pixel, vec4f(glossy.texel));
 }

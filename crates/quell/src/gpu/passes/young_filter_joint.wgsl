@@ -8,11 +8,16 @@ fn young_colour(pixel: vec2i, light: vec4f) -> vec3f {
     return first_colour(textureLoad(pass_input, pixel, 0));
 }
 
+// Whether the fast history lies beside the history length.
+var<private> is_beside: bool;
+
 fn young_length(pixel: vec2i) -> f32 {
-    return textureLoad(history_length, pixel, 0).x;
+    let texel = textureLoad(history_length, pixel, 0).x;
+    return select(texel, length_beside(texel), is_beside);
 }
 
 fn matte_level(pixel: vec2i, step: i32, end: f32) {
+    is_beside = looks_for_change(settings.matte_blend);
     if contains(pixel) {
         let filtered = young_filter(pixel, settings.matte_edge, step, young_share(pixel, end, 1.0));
         textureStore(output, pixel, vec4f(stored_colour(filtered.colour), textureLoad(pass_input, pixel, 0).w));
@@ -20,6 +25,7 @@ fn matte_level(pixel: vec2i, step: i32, end: f32) {
 }
 
 fn glossy_level(pixel: vec2i, step: i32, end: f32) {
+    is_beside = looks_for_change(settings.glossy_blend);
     if contains(pixel) {
         let gain = settings.young.lobe * LOBE_SPREAD * frame.view.focal_px;
         let share = young_share(pixel, end, young_lobe(pixel, gain, step));

@@ -4,10 +4,11 @@
 //! |---|---|
 //! | reads | glossy signal and passes, glossy history, history length, hit distance, guides now and before |
 //! | writes | glossy temporal (which is the next frame's history), confidence, history length |
+//! | changed light | as stage 3 |
 //! | reach | 1 pixel of history around the virtual place; 1 of the hit distance; `clip_radius` of the signal |
 //! | equation | blend as stage 3; history at the projection of X + d v (reflector at rest), or of the hit point mirrored in its previous plane; on curved ones where the previous eye ray was reflected to the hit point |
 //! | source | \[E, S, I] `docs/paper.md`, stage 8 |
-//! | parameters | `glossy_temporal.*`, `surface.*` |
+//! | parameters | `glossy_temporal.*`, `surface.*`, `changed_light.*` |
 //!
 //! Without hit distance history is fetched where the surface was, as in stage 3; with it, d is
 //! the hit distance after `glossy_temporal.hit_filter` over 3x3 of the same reflector.
@@ -18,11 +19,13 @@
 pub(crate) mod cpu;
 pub mod reference;
 
+use crate::frame::Signal;
 use crate::reach::Reach;
-use crate::settings::GlossyTemporal;
+use crate::settings::Settings;
 
 /// How far the stage looks.
-pub(crate) fn reach(s: &GlossyTemporal) -> Reach {
+pub(crate) fn reach(s: &Settings) -> Reach {
+    let footprint = 1 + s.changed_light.reach_px(Signal::Glossy);
     // 1: the hit distance around the pixel.
-    Reach { frames: 1, footprint: 1, ..Reach::around(s.clip_radius.max(1) as usize) }
+    Reach { frames: 1, footprint, ..Reach::around(s.glossy_temporal.clip_radius.max(1) as usize) }
 }

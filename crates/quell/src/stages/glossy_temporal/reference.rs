@@ -14,7 +14,7 @@ use crate::stages::matte_temporal::reference::{Remembered, Temporal, accumulate}
 /// Runs stage 8 on the whole image; `current`: the signal, then its passes.
 pub fn run(current: &[Plane<Rgb>], history: Option<Remembered<'_>>, now: &Guides, settings: &Settings) -> Temporal {
     let glossy = &settings.glossy_temporal;
-    let weights = Blend::glossy(glossy, settings.surface.confidence_frames);
+    let weights = Blend::glossy(settings);
     accumulate(current, history, now, &weights, |before, x, y| {
         let Some(expected) = expected_surface(now, before, &settings.surface, x, y) else {
             return Lookup::default();

@@ -1,5 +1,6 @@
 //! Stages 3 and 8 once they know where history lies, on runs of pixels: fetch, clamp, blend.
 
+use crate::kernels::change::{kept_light, rounded_light};
 use crate::kernels::clip::{ColourBox, follow_itself};
 use crate::kernels::reproject_cpu::{Footprint, LANES, Lanes, Lanes3, Lookup};
 use crate::kernels::temporal::{Blend, blend, clamp_history};
@@ -11,6 +12,8 @@ use crate::phased::layout::{Colours, channel, copy};
 pub(crate) struct Shares {
     /// Share of history, 0..1.
     pub history: Lanes,
+    /// Share of the fast history, 0..1.
+    pub fast: Lanes,
     /// Confidence, 0..1.
     pub confidence: Lanes,
     /// New history length, frames.
@@ -19,7 +22,7 @@ pub(crate) struct Shares {
 
 impl Shares {
     pub fn new() -> Self {
-        Self { history: [0.0; LANES], confidence: [0.0; LANES], length: [1.0; LANES] }
+        Self { history: [0.0; LANES], fast: [0.0; LANES], confidence: [0.0; LANES], length: [1.0; LANES] }
     }
 
     /// `depth`: background needs no help, its confidence is 1.
@@ -28,6 +31,7 @@ impl Shares {
         for i in 0..LANES {
             let weighed = weights.weigh(trust[i], length[i]);
             self.history[i] = weighed.history;
+            self.fast[i] = weighed.fast;
             self.confidence[i] = if depth[i] < f32::INFINITY { weighed.confidence } else { 1.0 };
             self.length[i] = weighed.length;
         }
@@ -51,6 +55,50 @@ pub(crate) fn fetch_scalar(data: &[f32], width: usize, (footprint, lookup): (&Fo
                 out[i] += weight[i] * data[place.row[i] as usize * width + place.element[i] as usize];
             }
         }
+    }
+}
+
+/// Shortens history where light has changed, as the pixel says that counts most, the first of equals.
+#[inline(always)]
+pub(crate) fn shorten(changed: &[f32], width: usize, (footprint, lookup): (&Footprint, &Lookup), length: &mut Lanes) {
+    let (mut most, mut found): (Lanes, Lanes) = ([0.0; LANES], [0.0; LANES]);
+    for k in 0..4 {
+        let (place, weight) = (&footprint.place[k], &lookup.weight[k]);
+        for &(first, n) in &footprint.segments.runs[..footprint.segments.count] {
+            let source = &changed[place.row[first] as usize * width + place.element[first] as usize..][..n];
+            let (most, found) = (&mut most[first..][..n], &mut found[first..][..n]);
+            for ((most, found), (weight, value)) in most.iter_mut().zip(found).zip(weight[first..].iter().zip(source)) {
+                let is_more = *weight > *most;
+                *found = if is_more { *value } else { *found };
+                *most = if is_more { *weight } else { *most };
+            }
+        }
+        for i in 0..LANES {
+            if footprint.segments.single[i] != 0 && weight[i] > most[i] {
+                most[i] = weight[i];
+                found[i] = changed[place.row[i] as usize * width + place.element[i] as usize];
+            }
+        }
+    }
+    for i in 0..LANES {
+        length[i] *= 1.0 - found[i];
+    }
+}
+
+/// What stands for a fast history that is not there.
+#[inline(always)]
+pub(crate) fn keep_light(history: &Lanes3, out: &mut Lanes) {
+    for i in 0..LANES {
+        out[i] = kept_light([history[0][i], history[1][i], history[2][i]]);
+    }
+}
+
+/// The new fast history from the current colours and the old one.
+#[inline(always)]
+pub(crate) fn blend_fast(current: &Lanes3, old: &Lanes, share: &Lanes, out: &mut [f32]) {
+    for (i, out) in out.iter_mut().enumerate() {
+        let now = kept_light([current[0][i], current[1][i], current[2][i]]);
+        *out = rounded_light(share[i] * old[i] + (1.0 - share[i]) * now);
     }
 }
 

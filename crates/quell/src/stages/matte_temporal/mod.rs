@@ -4,10 +4,11 @@
 //! |---|---|
 //! | reads | matte signal and passes, matte history, history length N, feature buffers now and before, the host's `confidence_in` |
 //! | writes | matte temporal, confidence, the new history length min(rho N + 1, 4096) |
+//! | changed light | where `changed_light` is on: N is first multiplied by 1 - c, c of `kernels/change.rs` at the pixel of history that counts most; written beside N: the fast history F' = v F + (1 - v) luminance of c, v = rho min(`fast`, N / (N + 1)) |
 //! | reach | 1 pixel of history around the reprojected place; `clip_radius` pixels of the current signal |
 //! | equation | out = w h + (1 - w) c, w = rho min(alpha, N / (N + 1)) (without `ramp`: rho alpha); confidence = rho min(1, N / `surface.confidence_frames`); h clamped to the neighbourhood of c where `clip` says so |
 //! | source | \[E, S, I] `docs/paper.md`, stage 3 |
-//! | parameters | `matte_temporal.*`, `surface.*` |
+//! | parameters | `matte_temporal.*`, `surface.*`, `changed_light.*` |
 //!
 //! rho, the trust in history, is where disocclusion is detected: `kernels/reproject.rs` compares the surface that motion leads to with the one
 //! that was there (`surface.plane_distance` and what stands beside it), and the host's `confidence_in` multiplies it.
@@ -19,10 +20,12 @@
 pub(crate) mod cpu;
 pub mod reference;
 
+use crate::frame::Signal;
 use crate::reach::Reach;
-use crate::settings::MatteTemporal;
+use crate::settings::Settings;
 
 /// How far the stage looks.
-pub(crate) fn reach(s: &MatteTemporal) -> Reach {
-    Reach { frames: 1, footprint: 1, ..Reach::around(s.clip_radius as usize) }
+pub(crate) fn reach(s: &Settings) -> Reach {
+    let footprint = 1 + s.changed_light.reach_px(Signal::Matte);
+    Reach { frames: 1, footprint, ..Reach::around(s.matte_temporal.clip_radius as usize) }
 }

@@ -2,6 +2,7 @@
 
 use crate::border::Guides;
 use crate::frame::Rgb;
+use crate::kernels::change::{kept_light, nearest, rounded_light};
 use crate::kernels::reproject::{Lookup, expected_surface, surface_lookup};
 use crate::kernels::temporal::{Blend, blend, clamp_history, fetch, fetch_scalar};
 use crate::par;
@@ -17,6 +18,8 @@ pub struct Temporal {
     pub confidence: Plane<f32>,
     /// Frames, at least 1.
     pub length: Plane<f32>,
+    /// The fast history: luminance of the signal, 0..65504; `None`: nobody asks whether light has changed.
+    pub fast: Option<Plane<f32>>,
 }
 
 /// What stages 3 and 8 remember of the frame before.
@@ -26,13 +29,15 @@ pub struct Remembered<'a> {
     pub planes: &'a [Plane<Rgb>],
     /// History length, frames.
     pub length: &'a Plane<f32>,
+    /// The fast history; without one, the long one's luminance is taken for it.
+    pub fast: Option<&'a Plane<f32>>,
     /// The guides of that frame.
     pub guides: &'a Guides,
 }
 
 /// Runs stage 3 on the whole image; `current`: the signal, then its passes.
 pub fn run(current: &[Plane<Rgb>], history: Option<Remembered<'_>>, now: &Guides, settings: &Settings) -> Temporal {
-    let weights = Blend::matte(&settings.matte_temporal, settings.surface.confidence_frames);
+    let weights = Blend::matte(settings);
     accumulate(current, history, now, &weights, |before, x, y| {
         expected_surface(now, before, &settings.surface, x, y)
             .map(|expected| surface_lookup(now, before, &settings.surface, &expected, x, y))
@@ -49,19 +54,35 @@ pub(crate) fn accumulate(
     look_up: impl Fn(&Guides, usize, usize) -> Lookup + Sync + Send,
 ) -> Temporal {
     let size = now.size;
+    let light = |x: usize, y: usize| kept_light(current[0].at(x, y));
     let Some(history) = history else {
         return Temporal {
             planes: current.to_vec(),
             confidence: par::plane(size, |x, y| if now.is_surface(x, y) { 0.0 } else { 1.0 }),
             length: Plane::filled(size, 1.0),
+            fast: weights.change.map(|_| par::plane(size, |x, y| rounded_light(light(x, y)))),
         };
     };
+    let changed = weights
+        .change
+        .zip(history.fast)
+        .map(|(change, fast)| change.of_history(&history.planes[0], history.length, fast));
     // Every plane asks for the same lookup: kept once, not computed per pass.
     let lookups = par::plane(size, |x, y| {
         let mut lookup = if now.is_surface(x, y) { look_up(history.guides, x, y) } else { Lookup::default() };
         lookup.trust *= now.confidence_in.at(x, y);
-        let weighed = weights.weigh(lookup.trust, fetch_scalar(history.length, &lookup));
-        (lookup, weighed.history, if now.is_surface(x, y) { weighed.confidence } else { 1.0 }, weighed.length)
+        let mut length = fetch_scalar(history.length, &lookup);
+        if let Some(changed) = &changed {
+            length *= 1.0 - changed.data()[nearest(&lookup)];
+        }
+        let weighed = weights.weigh(lookup.trust, length);
+        let old = match history.fast {
+            Some(fast) => fetch_scalar(fast, &lookup),
+            None => kept_light(fetch(&history.planes[0], &lookup)),
+        };
+        let fast = rounded_light(weighed.fast * old + (1.0 - weighed.fast) * light(x, y));
+        let confidence = if now.is_surface(x, y) { weighed.confidence } else { 1.0 };
+        (lookup, weighed.history, confidence, weighed.length, fast)
     });
     let beauty = par::plane(size, |x, y| {
         let (lookup, share, ..) = lookups.at(x, y);
@@ -90,5 +111,6 @@ pub(crate) fn accumulate(
         planes,
         confidence: par::plane(size, |x, y| lookups.at(x, y).2),
         length: par::plane(size, |x, y| lookups.at(x, y).3),
+        fast: weights.change.map(|_| par::plane(size, |x, y| lookups.at(x, y).4)),
     }
 }

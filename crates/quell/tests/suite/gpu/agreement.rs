@@ -178,6 +178,17 @@ const YOUNG_STAYS: &[(&str, &str)] = &[
 const YOUNG_MATURE: &[(&str, &str)] =
     &[("young_filter.deviations", "4"), ("young_filter.frames", "1.5"), ("disocclusion.enabled", "off")];
 
+/// Light that is looked at closely: nearly every difference between the means counts, and part of history stays.
+const CHANGED: &[(&str, &str)] = &[
+    ("changed_light.matte", "on"),
+    ("changed_light.glossy", "on"),
+    ("changed_light.fast", "0.2"),
+    ("changed_light.begin", "0.3"),
+    ("changed_light.certain", "4"),
+    ("changed_light.least", "0.01"),
+    ("changed_light.radius", "2"),
+];
+
 /// The table: every comparison with its bound.
 pub const CASES: &[Case] = &[
     case("3", SURFACES, &[], |i, s| i.temporal(Signal::Matte, s, true)),
@@ -192,6 +203,12 @@ pub const CASES: &[Case] = &[
     }),
     case("3, guarded", SURFACES, &[("surface.guard_band", "3")], |i, s| i.temporal(Signal::Matte, s, true)),
     case("3, alike", SURFACES, &[("surface.normal_min", "0.9999")], |i, s| i.temporal(Signal::Matte, s, true)),
+    case("3, changed", SURFACES, CHANGED, |i, s| i.temporal(Signal::Matte, s, true)),
+    case("3, changed, after a cut", EXACT, CHANGED, |i, s| i.temporal(Signal::Matte, s, false)),
+    case("3, changed, joint", SURFACES, CHANGED, |i, s| i.temporal_joint(Signal::Matte, s)),
+    case("young 1, beside", WEIGHTS, CHANGED, |i, s| i.young(Signal::Matte, 0, s)),
+    case("8, changed", MIRRORS, CHANGED, |i, s| i.temporal(Signal::Glossy, s, true)),
+    case("3+8, changed", MIRRORS, CHANGED, |i, s| i.both_temporal(s)),
     case("young 1", WEIGHTS, &[("young_filter.frames", "3.5")], |i, s| i.young(Signal::Matte, 0, s)),
     case("young 3", WEIGHTS, &[("young_filter.frames", "24")], |i, s| i.young(Signal::Matte, 1, s)),
     case("young 9", WEIGHTS, &[("young_filter.frames", "60")], |i, s| i.young(Signal::Matte, 2, s)),
@@ -379,7 +396,23 @@ pub const PLANTED: &[(&str, &str, &str)] = &[
     ("3, alike", "< settings.surface.normal_min", "< -2.0"),
     ("3", "vec2i(k & 1, k >> 1u)", "vec2i(k >> 1u, k & 1)"),
     ("3", "min(frames / blend.confidence_frames, 1.0)", "1.0"),
-    ("3", "min(blend.alpha, frames / (frames + 1.0))", "blend.alpha"),
+    ("3, changed", "max(spread.y, spread.x * (weights.z / weights.x / blend.fast_frames))", "spread.y"),
+    ("3, changed", "length * (1.0 - changed_light(", "length * (1.0 - 0.0 * changed_light("),
+    ("3, changed, joint", "length * (1.0 - changed_light(", "length * (1.0 - 0.0 * changed_light("),
+    ("3, changed", "(deviations - blend.change_begin)", "deviations"),
+    ("3, changed", "vec2i(dx, dy) * blend.change_spacing", "vec2i(dx, dy)"),
+    ("3, changed", "max(1.0 - blend.fast_frames / frames, 0.0)", "1.0"),
+    ("3, changed", "weighed.fast * fast + (1.0 - weighed.fast) * kept_light(now)", "kept_light(now)"),
+    ("3, changed", "if lookup.weight[k] > lookup.weight[best] {", "if lookup.weight[k] < lookup.weight[best] {"),
+    ("3, changed", "(CHANGE_DARKEST - 1u);", "CHANGE_DARKEST;"),
+    ("3, changed", "return bitcast<f32>(bitcast<u32>(texel) & LENGTH_BITS);", "return texel;"),
+    (
+        "young 1, beside",
+        "select(texel, length_beside(texel), is_beside)",
+        "select(texel, f32(bitcast<u32>(texel) & CODE_BITS), is_beside)",
+    ),
+    ("8, changed", "length * (1.0 - changed_light(", "length * (1.0 - 0.0 * changed_light("),
+    ("3", "min(blend.alpha, growing)", "blend.alpha"),
     ("8", "v - 2.0 * dot(v, normal) * normal", "v - 1.9 * dot(v, normal) * normal"),
     ("8, plane", "before.coordinate -= frame.jitter;", ""),
     ("8", "> settings.mirror.reflector_roughness", "> -1.0"),
@@ -432,7 +465,7 @@ pub const PLANTED: &[(&str, &str, &str)] = &[
     ("8, joint", "let blend = settings.glossy_blend;", "let blend = settings.matte_blend;"),
     ("6, joint", "textureLoad(pass_input, chosen[c], 0)", "textureLoad(pass_input, pixel, 0)"),
     // passes
-    ("3", "textureStore(new_length, pixel, vec4f(result.length))", "textureStore(new_length, pixel, vec4f(1.0))"),
+    ("3", "textureStore(new_length, pixel, vec4f(result.texel))", "textureStore(new_length, pixel, vec4f(1.0))"),
     ("5", "disocclusion(accumulated, smooth_estimate, k, fed_back)", "accumulated"),
     (
         "5",
@@ -475,7 +508,7 @@ pub const PLANTED: &[(&str, &str, &str)] = &[
         "let result = glossy_temporal(pixel, current, history, history_length);",
         "let result = glossy_temporal(pixel, history, history, history_length);",
     ),
-    ("8", "textureStore(new_length, pixel, vec4f(result.length))", "textureStore(new_length, pixel, vec4f(1.0))"),
+    ("8", "textureStore(new_length, pixel, vec4f(result.texel))", "textureStore(new_length, pixel, vec4f(1.0))"),
     ("7", "settings.matte_edge, settings.matte_bilateral", "settings.matte_edge, settings.matte_prefilter"),
     ("8", "select(-accumulated.confidence, accumulated.confidence, on_surface)", "accumulated.length"),
     ("10", "glossy_bilateral(vec2i(0, 1), pixel)", "glossy_bilateral(vec2i(1, 0), pixel)"),

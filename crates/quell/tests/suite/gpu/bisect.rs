@@ -104,6 +104,7 @@ fn made(gpu: &Gpu, denoiser: &gpu::Denoiser, plan: &Plan, step: &Step, frame: &F
             .then(|| colours(frame.size, &read(slot(Image::MatteFloored)))),
         state: length
             .map(|slot| [plane(output.iter().skip(3).step_by(4).map(|a| a.abs()).collect()), plane(read(slot))]),
+        fast: None,
     }
 }
 

@@ -2,7 +2,7 @@
 
 use quell::gpu::wgpu;
 use quell::gpu::{
-    Bindable, BindingKind, FrameUniforms, Kernel, Pass, PerFrameUniforms, SettingsUniforms, Storage, Texel,
+    Bindable, BindingKind, FrameUniforms, Kernel, Pass, PerFrameUniforms, SettingsUniforms, Storage, Texel, parted,
 };
 use quell::{Plane, Rgb, Size};
 use std::pin::pin;
@@ -287,7 +287,14 @@ impl Gpu {
         let mut output = Output { by: By::Gpu, colours: Vec::new(), scalars: Vec::new() };
         for ((name, texel, _), floats) in written.into_iter().zip(contents) {
             if texel == Texel::Number {
-                output.scalars.push(("history length", Plane::from_vec(job.size, floats).unwrap()));
+                let both = job.expected.scalars.iter().any(|(name, _)| *name == "fast history");
+                let plane = |values: Vec<f32>| Plane::from_vec(job.size, values).unwrap();
+                if both {
+                    let (length, fast) = floats.iter().map(|t| parted(*t)).map(|(n, f)| (n, f.unwrap_or(-1.0))).unzip();
+                    output.scalars.extend([("history length", plane(length)), ("fast history", plane(fast))]);
+                } else {
+                    output.scalars.push(("history length", plane(floats)));
+                }
                 continue;
             }
             let colours = floats.chunks_exact(4).map(|c| [c[0], c[1], c[2]]).collect();

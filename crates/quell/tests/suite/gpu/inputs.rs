@@ -3,7 +3,7 @@
 use super::device::{By, Job, Output, colour_and_bytes, colour_bytes, number_bytes};
 use crate::suite::frames::{Scene, guides};
 use quell::border::Guides;
-use quell::gpu::{FrameUniforms, Pass, SettingsUniforms, Storage, pack_guides, pack_spiral};
+use quell::gpu::{FrameUniforms, Pass, SettingsUniforms, Storage, beside, pack_guides, pack_spiral};
 use quell::kernels::spiral::{Spiral, SpiralShape};
 use quell::stages::glossy_bilateral::Axis;
 use quell::stages::matte_temporal::reference::{Remembered, Temporal};
@@ -26,6 +26,20 @@ pub struct Inputs {
 
 /// Runs a temporal stage over all frames but the last; `None`: there is no history.
 type Run = fn(&[Plane<Rgb>], Option<Remembered<'_>>, &Guides, &Settings) -> Temporal;
+
+fn remembered<'a>(temporal: &'a Temporal, guides: &'a Guides) -> Remembered<'a> {
+    Remembered { planes: &temporal.planes, length: &temporal.length, fast: temporal.fast.as_ref(), guides }
+}
+
+/// History length and fast history as a device keeps them.
+fn texels(temporal: &Temporal) -> Option<Plane<f32>> {
+    let fast = temporal.fast.as_ref()?;
+    Some(Plane::from_fn(fast.size(), |x, y| beside(temporal.length.at(x, y), fast.at(x, y))))
+}
+
+fn length_bytes(temporal: &Temporal) -> Vec<u8> {
+    number_bytes(texels(temporal).as_ref().unwrap_or(&temporal.length))
+}
 
 impl Inputs {
     /// Of a scene, each frame changed by `change`.
@@ -72,8 +86,7 @@ impl Inputs {
     fn history(&self, signal: Signal, run: Run, settings: &Settings) -> Temporal {
         let mut last: Option<Temporal> = None;
         for i in 0..BEFORE {
-            let remembered =
-                last.as_ref().map(|t| Remembered { planes: &t.planes, length: &t.length, guides: &self.guides[i - 1] });
+            let remembered = last.as_ref().map(|t| remembered(t, &self.guides[i - 1]));
             last = Some(run(&[self.signal(signal, i)], remembered, &self.guides[i], settings));
         }
         last.unwrap()
@@ -115,16 +128,17 @@ impl Inputs {
             Signal::Glossy => (Pass::GLOSSY_TEMPORAL, glossy_temporal::reference::run),
         };
         let history = self.history(signal, run, settings);
-        let remembered = Remembered { planes: &history.planes, length: &history.length, guides: self.before() };
+        let remembered = remembered(&history, self.before());
         let current = self.signal(signal, BEFORE);
         let temporal = run(std::slice::from_ref(&current), with_history.then_some(remembered), self.now(), settings);
         let mut inputs: Vec<Vec<u8>> = self.guide_planes().into_iter().chain(self.guide_planes_before()).collect();
-        inputs.extend([colour_bytes(&current), colour_bytes(&history.planes[0]), number_bytes(&history.length)]);
-        let mut job = self.job(pass, settings, inputs, temporal.planes);
+        inputs.extend([colour_bytes(&current), colour_bytes(&history.planes[0]), length_bytes(&history)]);
+        let mut job = self.job(pass, settings, inputs, temporal.planes.clone());
         if !with_history {
             job.frame = FrameUniforms::new(self.now(), None);
         }
         job.expected.scalars = vec![("confidence", temporal.confidence), ("history length", temporal.length)];
+        job.expected.scalars.extend(temporal.fast.map(|fast| ("fast history", fast)));
         job
     }
 
@@ -144,15 +158,14 @@ impl Inputs {
         let planes = |i| [self.signal(signal, i), self.tied(signal, i)];
         let mut last: Option<Temporal> = None;
         for i in 0..BEFORE {
-            let remembered =
-                last.as_ref().map(|t| Remembered { planes: &t.planes, length: &t.length, guides: &self.guides[i - 1] });
+            let remembered = last.as_ref().map(|t| remembered(t, &self.guides[i - 1]));
             last = Some(run(&planes(i), remembered, &self.guides[i], settings));
         }
         let history = last.unwrap();
-        let remembered = Remembered { planes: &history.planes, length: &history.length, guides: self.before() };
+        let remembered = remembered(&history, self.before());
         let [current, own] = planes(BEFORE);
         let mut inputs: Vec<Vec<u8>> = self.guide_planes().into_iter().chain(self.guide_planes_before()).collect();
-        inputs.extend([colour_bytes(&current), colour_bytes(&history.planes[0]), number_bytes(&history.length)]);
+        inputs.extend([colour_bytes(&current), colour_bytes(&history.planes[0]), length_bytes(&history)]);
         inputs.extend([colour_bytes(&own), colour_bytes(&history.planes[1])]);
         let mut temporal = run(&[current, own], Some(remembered), self.now(), settings);
         let mut job = self.job(pass, settings, inputs, temporal.planes.split_off(1));
@@ -171,8 +184,9 @@ impl Inputs {
 
     fn accumulated(&self, settings: &Settings) -> Temporal {
         let history = self.history(Signal::Matte, matte_temporal::reference::run, settings);
-        let remembered = Remembered { planes: &history.planes, length: &history.length, guides: self.before() };
-        matte_temporal::reference::run(&[self.signal(Signal::Matte, BEFORE)], Some(remembered), self.now(), settings)
+        let remembered = remembered(&history, self.before());
+        let current = [self.signal(Signal::Matte, BEFORE)];
+        matte_temporal::reference::run(&current, Some(remembered), self.now(), settings)
     }
 
     /// What stage 3 writes: background's confidence is negative.
@@ -246,7 +260,7 @@ impl Inputs {
         let [geometry, surface, _] = self.guide_planes();
         let accumulated = colour_and_bytes(&temporal.planes[0], &temporal.confidence);
         let signal_bytes = colour_and_bytes(&planes[0], &fourth);
-        let read = vec![geometry, surface, signal_bytes, number_bytes(&temporal.length), accumulated];
+        let read = vec![geometry, surface, signal_bytes, length_bytes(&temporal), accumulated];
         let mut job = self.job(pass, settings, read, filtered.planes[..1].to_vec());
         // The last level before stage 5 hands the confidence on.
         let keeps = signal == Signal::Matte && level == 2 && settings.disocclusion.enabled;
@@ -271,7 +285,7 @@ impl Inputs {
         let [geometry, surface, _] = self.guide_planes();
         let signal_bytes = colour_and_bytes(&planes[0], &fourth);
         let own = colour_bytes(&planes[1]);
-        let read = vec![geometry, surface, signal_bytes, number_bytes(&temporal.length), own];
+        let read = vec![geometry, surface, signal_bytes, length_bytes(&temporal), own];
         self.job(pass, settings, read, filtered.planes[1..].to_vec())
     }
 
