@@ -25,7 +25,7 @@ const CODE_SHIFT: u32 = 18;
 /// (1: black, 0: there is none). It is a float near to the length: at most 2^-12 larger.
 pub fn beside(length: f32, fast: f32) -> f32 {
     let code = (rounded_light(fast).to_bits() >> CODE_SHIFT).max(DARKEST) - (DARKEST - 1);
-    f32::from_bits(rounded_length(length, true).to_bits() | code)
+    f32::from_bits(rounded_length(length).to_bits() | code)
 }
 
 /// Both again; the second is `None` where there is no fast history.

@@ -63,25 +63,24 @@ const LIGHT_BITS: u32 = 5;
 /// The same of a kept length.
 const LENGTH_BITS: u32 = 12;
 
-/// The float nearest to `value` whose fraction has `23 - drop` bits, the even one of two.
+/// The float nearest to `value` whose fraction has `bits` bits, the even one of two.
 #[inline(always)]
-fn rounded(value: f32, drop: u32) -> f32 {
+fn rounded(value: f32, bits: u32) -> f32 {
+    let drop = 23 - bits;
     let own = value.to_bits();
-    f32::from_bits(
-        (own + (((1 << drop) >> 1) - u32::from(drop > 0)) + ((own >> drop) & u32::from(drop > 0))) >> drop << drop,
-    )
+    f32::from_bits((own + ((1 << drop) / 2 - 1) + ((own >> drop) & 1)) >> drop << drop)
 }
 
-/// A history length, 1..4096, as it is kept; where nobody `rounds`, as it is.
+/// A history length, 1..4096, as it is kept.
 #[inline(always)]
-pub fn rounded_length(length: f32, rounds: bool) -> f32 {
-    rounded(length, if rounds { 23 - LENGTH_BITS } else { 0 })
+pub fn rounded_length(length: f32) -> f32 {
+    rounded(length, LENGTH_BITS)
 }
 
 /// A luminance, 0..65504, as the fast history keeps it.
 #[inline(always)]
 pub fn rounded_light(light: f32) -> f32 {
-    let light = rounded(light, 23 - LIGHT_BITS);
+    let light = rounded(light, LIGHT_BITS);
     if light.to_bits() >> (23 - LIGHT_BITS) > DARKEST { light } else { 0.0 }
 }
 

@@ -48,12 +48,12 @@ impl ColourBox {
     #[inline(always)]
     pub fn clamp(&self, rgb: Rgb) -> Rgb {
         let c = ycocg_from_rgb(rgb);
-        let inside = (0..3).all(|k| c[k] >= self.low[k] && c[k] <= self.high[k]);
-        if inside {
-            return rgb; // not even rounding may change what needs no clamp
-        }
+        // Without branches: the compiler makes vectors of it.
+        let within = |k: usize| (c[k] >= self.low[k]) & (c[k] <= self.high[k]);
+        let inside = within(0) & within(1) & within(2);
         let clamped = rgb_from_ycocg(three(|k| c[k].max(self.low[k]).min(self.high[k])));
-        three(|k| if clamped[k] < 0.0 && rgb[k] >= 0.0 { 0.0 } else { clamped[k] })
+        let held = three(|k| if (clamped[k] < 0.0) & (rgb[k] >= 0.0) { 0.0 } else { clamped[k] });
+        three(|k| if inside { rgb[k] } else { held[k] }) // not even rounding may change what needs no clamp
     }
 }
 

@@ -28,8 +28,6 @@ pub struct Blend {
     pub change: Option<Change>,
     /// Most that history counts in the fast mean; 0 without the detector.
     pub fast: f32,
-    /// Lengths are rounded as the detector keeps them.
-    pub rounds: bool,
 }
 
 impl Blend {
@@ -46,7 +44,6 @@ impl Blend {
             confidence_frames: settings.surface.confidence_frames,
             change,
             fast: change.map_or(0.0, |change| change.fast),
-            rounds: change.is_some(),
         }
     }
 
@@ -63,24 +60,24 @@ impl Blend {
             confidence_frames: settings.surface.confidence_frames,
             change,
             fast: change.map_or(0.0, |change| change.fast),
-            rounds: change.is_some(),
         }
     }
 
     /// How much history counts, the confidence, and the new history length, from trust rho and the old
-    /// length N.
+    /// length N. `DETECTS`: the detector is on; without it the length is not rounded and there is no fast share.
     #[inline(always)]
-    pub fn weigh(&self, trust: f32, length: f32) -> Weighed {
+    pub fn weigh<const DETECTS: bool>(&self, trust: f32, length: f32) -> Weighed {
         if trust <= 0.0 || length <= 0.0 {
             return Weighed { history: 0.0, fast: 0.0, confidence: 0.0, length: 1.0 };
         }
         let growing = length / (length + 1.0);
         let alpha = if self.ramp { self.alpha.min(growing) } else { self.alpha };
+        let longer = (trust * length + 1.0).min(LONGEST_HISTORY);
         Weighed {
             history: trust * alpha,
-            fast: trust * self.fast.min(growing),
+            fast: if DETECTS { trust * self.fast.min(growing) } else { 0.0 },
             confidence: trust * (length / self.confidence_frames).min(1.0),
-            length: rounded_length((trust * length + 1.0).min(LONGEST_HISTORY), self.rounds),
+            length: if DETECTS { rounded_length(longer) } else { longer },
         }
     }
 

@@ -318,7 +318,10 @@ fn band(
                     shorten(changed, width, (&*footprint, &*lookup), old_length);
                     fetch_scalar(fast, width, (&*footprint, &*lookup), old_fast);
                 }
-                shares.weigh(weights, &lookup.trust, old_length, &expected.depth);
+                match out.fast {
+                    Some(_) => shares.weigh::<true>(weights, &lookup.trust, old_length, &expected.depth),
+                    None => shares.weigh::<false>(weights, &lookup.trust, old_length, &expected.depth),
+                }
                 confidence[phase] = shares.confidence;
                 length[phase] = shares.length;
                 copy::<LANES, _>(&mut out.kept[k * width + begin..][..n], &shares.length[..n]);

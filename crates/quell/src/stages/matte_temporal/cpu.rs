@@ -25,13 +25,15 @@ impl Shares {
         Self { history: [0.0; LANES], fast: [0.0; LANES], confidence: [0.0; LANES], length: [1.0; LANES] }
     }
 
-    /// `depth`: background needs no help, its confidence is 1.
+    /// `depth`: background needs no help, its confidence is 1. `DETECTS`: as [`Blend::weigh`] has it.
     #[inline(always)]
-    pub fn weigh(&mut self, weights: &Blend, trust: &Lanes, length: &Lanes, depth: &Lanes) {
+    pub fn weigh<const DETECTS: bool>(&mut self, weights: &Blend, trust: &Lanes, length: &Lanes, depth: &Lanes) {
         for i in 0..LANES {
-            let weighed = weights.weigh(trust[i], length[i]);
+            let weighed = weights.weigh::<DETECTS>(trust[i], length[i]);
             self.history[i] = weighed.history;
-            self.fast[i] = weighed.fast;
+            if DETECTS {
+                self.fast[i] = weighed.fast;
+            }
             self.confidence[i] = if depth[i] < f32::INFINITY { weighed.confidence } else { 1.0 };
             self.length[i] = weighed.length;
         }

@@ -75,7 +75,10 @@ pub(crate) fn accumulate(
         if let Some(changed) = &changed {
             length *= 1.0 - changed.data()[nearest(&lookup)];
         }
-        let weighed = weights.weigh(lookup.trust, length);
+        let weighed = match weights.change {
+            Some(_) => weights.weigh::<true>(lookup.trust, length),
+            None => weights.weigh::<false>(lookup.trust, length),
+        };
         let old = match history.fast {
             Some(fast) => fetch_scalar(fast, &lookup),
             None => kept_light(fetch(&history.planes[0], &lookup)),
