@@ -1,66 +1,72 @@
-//! Where light has changed (`change.rs`) on runs of pixels. Light is taken as the difference to the centre's: nothing cancels.
+//! Where light has changed (`change.rs`) on runs of pixels. A window's sums are made of those of its columns. Light is taken as the
+//! difference to the centre's, of the column first, then of the window: nothing cancels.
 
 use super::change::{Change, LEAST_TAPS, LEAST_VARIANCE};
 use crate::kernels::edge_cpu::{RUN, Run};
 
-/// The sums over a window's taps.
+/// How many sums there are: of g, g^2 and g n; of g x and g x^2, x the long mean's difference to the centre's; of g y and g y^2, y that
+/// of the fast one.
+pub(crate) const SUMS: usize = 7;
+
+/// Adds a row of taps to the sums of columns. `centre`: long and fast mean of the columns' centres; `tap`: those of the taps.
+#[inline(always)]
+pub(crate) fn add_row(
+    columns: [&mut [f32]; SUMS],
+    change: &Change,
+    length: &[f32],
+    (long, quick): (&[f32], &[f32]),
+    (own_long, own_quick): (&[f32], &[f32]),
+) {
+    let n = length.len();
+    let (long, quick, own_long, own_quick) = (&long[..n], &quick[..n], &own_long[..n], &own_quick[..n]);
+    let [g, g2, gn, x1, x2, y1, y2] = columns.map(|sum| &mut sum[..n]);
+    for i in 0..n {
+        let frames = change.frames(length[i]);
+        let w = change.weight(frames);
+        let (x, y) = (long[i] - own_long[i], quick[i] - own_quick[i]);
+        g[i] += w;
+        g2[i] += w * w;
+        gn[i] += w * frames;
+        x1[i] += w * x;
+        x2[i] += w * x * x;
+        y1[i] += w * y;
+        y2[i] += w * y * y;
+    }
+}
+
+/// The sums over the windows of a run of pixels.
 #[derive(Debug)]
 #[repr(align(64))]
-pub(crate) struct Sums {
-    /// Of g, g^2 and g n.
-    weights: [Run; 3],
-    /// Of g x and g x^2, x the long mean.
-    long: [Run; 2],
-    /// The same of the fast one.
-    quick: [Run; 2],
-    /// g of the tap at hand.
-    weight: Run,
-}
+pub(crate) struct Sums([Run; SUMS]);
 
 impl Sums {
     pub fn new() -> Self {
-        let zero = [0.0; RUN];
-        Self { weights: [zero; 3], long: [zero; 2], quick: [zero; 2], weight: zero }
+        Self([[0.0; RUN]; SUMS])
     }
 
-    pub fn clear(&mut self) {
-        *self = Self::new();
-    }
-
-    /// Adds a tap from lane `first` on. `centre`: long and fast mean of the centres; `tap`: those of the taps. Lanes outside `real`
-    /// have no tap.
+    /// Adds a column of each lane from `first` on. `theirs`: long and fast mean of the columns' centres; `own`: of the windows'.
     #[inline(always)]
     pub fn add(
         &mut self,
-        change: &Change,
         first: usize,
-        real: (usize, usize),
-        length: &[f32],
+        columns: [&[f32]; SUMS],
         (long, quick): (&[f32], &[f32]),
         (own_long, own_quick): (&[f32], &[f32]),
     ) {
-        let n = length.len();
-        let (long, quick) = (&long[..n], &quick[..n]);
-        let (own_long, own_quick) = (&own_long[first..][..n], &own_quick[first..][..n]);
-        let weight = &mut self.weight[..n];
+        let n = long.len();
+        let (quick, own_long, own_quick) = (&quick[..n], &own_long[first..][..n], &own_quick[first..][..n]);
+        let [h, h2, hn, u1, u2, v1, v2] = columns.map(|sum| &sum[..n]);
+        let [g, g2, gn, x1, x2, y1, y2] = self.0.each_mut().map(|sum| &mut sum[first..][..n]);
         for i in 0..n {
-            weight[i] = change.weight(change.frames(length[i]));
-        }
-        weight[..real.0].fill(0.0);
-        weight[real.1..].fill(0.0);
-        let [g, g2, gn] = self.weights.each_mut().map(|v| &mut v[first..][..n]);
-        let [x1, x2] = self.long.each_mut().map(|v| &mut v[first..][..n]);
-        let [y1, y2] = self.quick.each_mut().map(|v| &mut v[first..][..n]);
-        for i in 0..n {
-            let w = weight[i];
-            let (x, y) = (long[i] - own_long[i], quick[i] - own_quick[i]);
-            g[i] += w;
-            g2[i] += w * w;
-            gn[i] += w * change.frames(length[i]);
-            x1[i] += w * x;
-            x2[i] += w * x * x;
-            y1[i] += w * y;
-            y2[i] += w * y * y;
+            // x + d about the window's centre is x about the column's.
+            let (d, e) = (long[i] - own_long[i], quick[i] - own_quick[i]);
+            g[i] += h[i];
+            g2[i] += h2[i];
+            gn[i] += hn[i];
+            x1[i] += u1[i] + d * h[i];
+            x2[i] += u2[i] + d * (2.0 * u1[i] + d * h[i]);
+            y1[i] += v1[i] + e * h[i];
+            y2[i] += v2[i] + e * (2.0 * v1[i] + e * h[i]);
         }
     }
 
@@ -69,9 +75,7 @@ impl Sums {
     pub fn finish(&self, change: &Change, length: &[f32], (long, quick): (&[f32], &[f32]), out: &mut [f32]) {
         let n = out.len();
         let (length, long, quick) = (&length[..n], &long[..n], &quick[..n]);
-        let [g, g2, gn] = self.weights.each_ref().map(|v| &v[..n]);
-        let [x1, x2] = self.long.each_ref().map(|v| &v[..n]);
-        let [y1, y2] = self.quick.each_ref().map(|v| &v[..n]);
+        let [g, g2, gn, x1, x2, y1, y2] = self.0.each_ref().map(|v| &v[..n]);
         for i in 0..n {
             let part = 1.0 / if g[i] < LEAST_TAPS { 1.0 } else { g[i] };
             let (x, y) = (x1[i] * part, y1[i] * part);

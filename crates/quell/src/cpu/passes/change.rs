@@ -1,14 +1,13 @@
 //! The schedule of the detector of changed light (`kernels/change.rs`), over what the frame before left: row by row, phase by phase.
 
-use super::sparse_bilateral::{Pieces, RunOf};
 use crate::kernels::change::Change;
-use crate::kernels::change_cpu::Sums;
-use crate::kernels::edge_cpu::{RUN, run_length};
+use crate::kernels::change_cpu::{SUMS, Sums, add_row};
+use crate::kernels::edge_cpu::run_length;
 use crate::kernels::math::three;
 use crate::kernels::spiral::PERIOD;
 use crate::phased::layout::{Colours, Phases, channel};
 use crate::phased::rows;
-use crate::settings::OffScreen;
+use crate::plane::Size;
 use crate::stages::young_filter::cpu::luminances;
 use fearless_simd::{Level, dispatch};
 
@@ -37,39 +36,43 @@ pub(crate) fn run(level: Level, phases: &Phases, change: &Change, left: Left<'_>
 
 #[inline(always)]
 fn a_row(phases: &Phases, change: &Change, left: Left<'_>, light: &[f32], y: usize, out: &mut [f32]) {
-    let width = phases.size.width;
+    let Size { width, height } = phases.size;
     let (radius, spacing) = (change.radius as i32, change.spacing as i32);
-    let mut sums = Sums::new();
+    let row = |y: usize| {
+        let row = y * width..(y + 1) * width;
+        (&left.length[row.clone()], (&light[row.clone()], &left.fast[row]))
+    };
+    let (length, own) = row(y);
+    let says_nothing = |length: &[f32]| length.iter().all(|n| change.weight(change.frames(*n)) <= 0.0);
+    if says_nothing(length) {
+        out.fill(0.0);
+        return;
+    }
+    let mut columns = vec![0.0; SUMS * width];
+    let mut parts = columns.chunks_exact_mut(width);
+    let mut columns: [&mut [f32]; SUMS] = std::array::from_fn(|_| parts.next().unwrap_or_default());
+    for ty in (-radius..=radius).map(|dy| y as i32 + dy * spacing).filter(|ty| (0..height as i32).contains(ty)) {
+        let (length, taps) = row(ty as usize);
+        add_row(columns.each_mut().map(|sum| &mut **sum), change, length, taps, own);
+    }
     let longest = run_length(phases.longest());
     for phase in 0..PERIOD {
         for first in (0..phases.count(phase)).step_by(longest) {
             let len = longest.min(phases.count(phase) - first);
-            let begin = phases.range(phase).start + first;
-            // What lies beside a run is read along with its taps: a vector on each side.
-            let own = |plane: &[f32]| {
-                let mut run = [0.0; RUN];
-                run[..len].copy_from_slice(&plane[y * width + begin..][..len]);
-                run
-            };
-            let (own_light, own_fast) = (own(light), own(left.fast));
-            let length = &left.length[y * width + begin..][..len];
-            let out = &mut out[begin..][..len];
-            if length.iter().all(|n| change.weight(change.frames(*n)) <= 0.0) {
+            let here = phases.range(phase).start + first..phases.range(phase).start + first + len;
+            let (length, own) = (&length[here.clone()], (&own.0[here.clone()], &own.1[here.clone()]));
+            let out = &mut out[here];
+            if says_nothing(length) {
                 out.fill(0.0);
                 continue;
             }
-            sums.clear();
-            for (dx, dy) in (-radius..=radius).flat_map(|dy| (-radius..=radius).map(move |dx| (dx, dy))) {
-                let run = RunOf { y, phase, first, len };
-                let mut pieces = Pieces::of(phases, run, (dx * spacing, dy * spacing), OffScreen::Skip);
-                while let Some(piece) = pieces.next() {
-                    let there = piece.at..piece.at + piece.len;
-                    let lights = (&light[there.clone()], &left.fast[there.clone()]);
-                    let own = (&own_light[..], &own_fast[..]);
-                    sums.add(change, piece.first, piece.real, &left.length[there], lights, own);
-                }
+            let mut sums = Sums::new();
+            for span in (-radius..=radius).filter_map(|dx| phases.shifted(phase, first, len, dx * spacing)) {
+                let there = span.source..span.source + span.len;
+                let theirs = (&light[y * width..][there.clone()], &left.fast[y * width..][there.clone()]);
+                sums.add(span.first, columns.each_ref().map(|sum| &sum[there.clone()]), theirs, own);
             }
-            sums.finish(change, length, (&own_light, &own_fast), out);
+            sums.finish(change, length, own, out);
         }
     }
 }
