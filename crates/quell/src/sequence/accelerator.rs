@@ -18,8 +18,8 @@ pub trait Accelerator: std::fmt::Debug + Send + Sync {
     /// What computes, as files and messages name it: results of two that differ in name may differ in bits.
     fn name(&self) -> String;
 
-    /// Stage 3 ([`crate::sequence`], `stages/wavelet`): filters every light of [`WaveletJob::lights`] and hands each back
-    /// with [`WaveletJob::store`].
+    /// Stage 3 ([`crate::sequence`], `stages/wavelet`): filters every light of `WaveletJob::lights` and hands each back
+    /// with `WaveletJob::store`.
     ///
     /// # Errors
     /// A sentence for the user. The filter gives up what it holds: no other back end takes over.

@@ -10,7 +10,7 @@
 //! estimate.rs    gather, variance and wavelet, with the frames of the window kept there
 //! ```
 //!
-//! Frames of the window as the stages read them: [`crate::window`].
+//! Frames of the window as the stages read them: `crate::window`.
 //!
 //! Each frame is estimated from a window of frames around it, never from a filtered predecessor: any split of a job
 //! gives the same bits, and the first frame is as clean as the rest.
