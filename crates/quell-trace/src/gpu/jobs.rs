@@ -166,7 +166,8 @@ pub(super) fn bytes_per_pixel((kernel, job): &Step, variant: Variant) -> u32 {
         // Flags of the first slot and of one that is empty.
         Kernel::Paths => 2 * NUMBER,
         Kernel::Direct if job.slot == 0 => slot + direct + counted,
-        Kernel::Direct => slot + 2 * direct,
+        // Flags of a slot that is empty.
+        Kernel::Direct => NUMBER,
         // Of references alone, which nobody counts.
         Kernel::Accumulate => 0,
     }

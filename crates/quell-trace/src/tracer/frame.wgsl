@@ -38,11 +38,12 @@ fn paths(@builtin(global_invocation_id) id: vec3u) {
         // The glossy signal is the glass's own reflection.
         number = GLASS_SLOT;
     }
-    let slot = slots[number * frame.pixels + i];
-    let traced = job.kind == EYE_PATH || (has_flag(slot.flags, OCCUPIED) && has_flag(surface_flags, job.only));
+    let place = number * frame.pixels + i;
+    let traced = job.kind == EYE_PATH || (has_flag(slots[place].flags, OCCUPIED) && has_flag(surface_flags, job.only));
     if !traced && !has_flag(job.flags, IS_SIGNAL) {
         return;
     }
+    let slot = slots[place];
     var point: SurfacePoint;
     var b: Bsdf;
     if traced && job.kind != EYE_PATH {

@@ -7,7 +7,12 @@ fn direct(@builtin(global_invocation_id) id: vec3u) {
         return;
     }
     let i = pixel.index;
-    let slot = slots[job.slot * frame.pixels + i];
+    let place = job.slot * frame.pixels + i;
+    // Of most pixels, further slots are empty.
+    if !has_flag(slots[place].flags, OCCUPIED | ESCAPED) && !has_flag(job.flags, IS_FIRST) {
+        return;
+    }
+    let slot = slots[place];
     var light = vec3f();
     if has_flag(slot.flags, ESCAPED) {
         if has_environment() {
