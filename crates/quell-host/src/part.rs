@@ -209,8 +209,9 @@ impl Part {
         // Without a stage that remembers there are neither.
         let confidence = numbers(encoded.confidence.is_some(), 0.0, unpack_fourth)?;
         let mut history_length = numbers(encoded.history_length.is_some(), 1.0, lengths)?;
-        let looks_for_change = &self.guest.settings().changed_light;
-        if if encoded.matte.is_some() { looks_for_change.matte } else { looks_for_change.glossy } {
+        let changed_light = &self.guest.settings().changed_light;
+        let is_shared = if encoded.matte.is_some() { changed_light.matte } else { changed_light.glossy };
+        if is_shared {
             history_length.data_mut().iter_mut().for_each(|texel| *texel = parted(*texel).0);
         }
         for (_, signal) in &info.joint {

@@ -3,6 +3,8 @@
 use crate::device::Gpu;
 use crate::error::Error;
 use quell::gpu::wgpu;
+use std::sync::mpsc::{self, RecvTimeoutError};
+use std::time::Duration;
 
 /// A staging buffer, and how a plane lies in it.
 #[derive(Debug)]
@@ -44,11 +46,23 @@ impl Readback {
     /// As [`Gpu::check`].
     pub fn read(self, gpu: &Gpu, encoder: wgpu::CommandEncoder, what: &str) -> Result<Vec<Vec<u8>>, Error> {
         gpu.queue().submit([encoder.finish()]);
+        let (done, mapped) = mpsc::channel();
         for copy in &self.0 {
             // Whether it went well shows where the range is taken.
-            copy.staging.map_async(wgpu::MapMode::Read, .., |_| ());
+            let done = done.clone();
+            copy.staging.map_async(wgpu::MapMode::Read, .., move |_| done.send(()).unwrap_or(()));
         }
+        drop(done);
         gpu.wait(what)?;
+        // Another thread that polls the device may be about to map them.
+        let mut waiting = self.0.len();
+        while waiting > 0 {
+            match mapped.recv_timeout(Duration::from_millis(10)) {
+                Ok(()) => waiting -= 1,
+                Err(RecvTimeoutError::Timeout) => gpu.wait(what)?,
+                Err(RecvTimeoutError::Disconnected) => break,
+            }
+        }
         self.0.iter().map(|copy| copy.bytes().map_err(|e| gpu.refused(what, &e))).collect()
     }
 }

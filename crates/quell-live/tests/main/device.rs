@@ -6,6 +6,7 @@ use quell_live::{Choice, Engine, LiveError, Made, Mode, Pilot, Shot, Sight, Stag
 use quell_trace::gpu::Kernels;
 use quell_trace::{Rendered, Scene, builtin};
 use std::sync::{Arc, OnceLock};
+use std::time::{Duration, Instant};
 
 pub struct Device {
     pub gpu: Gpu,
@@ -65,7 +66,7 @@ impl Device {
         assert_eq!(shot.size(), engine.size());
         assert!(shot.take().is_none(), "nothing was submitted");
         self.gpu.run(encoder, "a shot").unwrap();
-        shot.take().expect("it was waited for")
+        handed_over(|| shot.take())
     }
 
     /// The converged picture.
@@ -79,9 +80,21 @@ impl Device {
     pub fn planes(&self, engine: &Engine) -> Rendered {
         let mut shot = engine.planes_of_last().unwrap();
         self.gpu.run(self.gpu.encoder("test"), "planes").unwrap();
-        let planes = shot.take().expect("it was waited for").unwrap();
+        let planes = handed_over(|| shot.take()).unwrap();
         assert!(shot.take().is_none(), "it was taken");
         planes
+    }
+}
+
+/// What the device has made. Another test's thread, which polls the same device, may be about to hand it over.
+fn handed_over<T>(mut take: impl FnMut() -> Option<T>) -> T {
+    let begun = Instant::now();
+    loop {
+        if let Some(found) = take() {
+            return found;
+        }
+        assert!(begun.elapsed() < Duration::from_secs(10), "it was waited for");
+        std::thread::sleep(Duration::from_millis(1));
     }
 }
 

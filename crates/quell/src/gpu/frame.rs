@@ -312,8 +312,8 @@ pub struct Output {
     /// An image whose fourth value is the confidence of the matte signal, or of the glossy one where there is no matte:
     /// its magnitude, 0..1; negative: background.
     pub confidence: Option<wgpu::TextureView>,
-    /// History length of the same signal in frames, r32float. Where `changed_light` is on for that signal, the lower 15 bits of each
-    /// number hold the fast history: as it stands, it is at most 2^-8 too long.
+    /// History length of the same signal in frames, r32float. Where `changed_light` is on for that signal, the lower 11 bits of each
+    /// number hold the fast history: read as a float, it is at most 2^-12 of itself too long.
     pub history_length: Option<wgpu::TextureView>,
     /// The planes of [`Frame::joint`], in that order.
     pub joint: Vec<wgpu::TextureView>,
