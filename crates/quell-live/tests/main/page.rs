@@ -382,7 +382,9 @@ fn a_page_that_is_reloaded_or_loses_its_device_begins_anew() {
     let _alone = ALONE.lock();
     let server = Server::start(files);
     let Some(browser) = Browser::start_with(640, 420, &SOFTWARE) else { return };
-    let pictures = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join("live-page");
+    // The other test empties its own folder.
+    let pictures = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join("live-page-lost");
+    std::fs::create_dir_all(&pictures).unwrap();
     let page = Page { browser, pictures };
     let address = server.address("index.html?scene=cornell-box&size=128x72&panel=off");
     // While it is fetched, while its kernels are compiled, while the scene's are.
