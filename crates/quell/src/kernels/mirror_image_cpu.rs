@@ -2,7 +2,7 @@
 
 use super::math::three;
 use super::mirror_image::{FARTHEST_BENT_PX, LEAST_BENT_DETERMINANT, SAME_NORMAL, SAME_PLANE_PX};
-use super::reproject_cpu::{Expected, Footprint, LANES, Lanes, Lookup, dot, lane, pixel};
+use super::reproject_cpu::{Expected, Footprint, LANES, Lanes, Lookup, Screen, dot, lane};
 use crate::camera::Projection;
 use crate::phased::guides::{CpuGuides, field};
 use crate::phased::layout::copy;
@@ -74,7 +74,7 @@ pub(crate) fn virtual_coordinates<const MOVED: bool>(
     coordinate: &mut [Lanes; 2],
     alive: &mut [u32; LANES],
 ) {
-    let (now, previous) = (&guides.now, &guides.previous_view);
+    let (now, previous) = (&guides.now, Screen::new(&guides.previous_view));
     let (width, height) = (guides.phases.size.width as f32, guides.phases.size.height as f32);
     let (guard, furthest) = (settings.surface.guard_band, settings.glossy_temporal.max_hit_distance);
     let v = e.y as f32 + 0.5 + now.jitter.y;
@@ -99,7 +99,7 @@ pub(crate) fn virtual_coordinates<const MOVED: bool>(
         let twice = 2.0 * dot(from_plane, was_facing);
         let unmirrored = three(|c| if finite { point[c] } else { direction[c] });
         let mirrored = three(|c| if moved { unmirrored[c] - twice * was_facing[c] } else { unmirrored[c] });
-        let (px, py, ahead) = pixel(previous, mirrored, if finite { 1.0 } else { 0.0 });
+        let (px, py, ahead) = previous.pixel(mirrored, if finite { 1.0 } else { 0.0 });
         let (cx, cy) = (px - now.jitter.x, py - now.jitter.y);
         coordinate[0][i] = cx;
         coordinate[1][i] = cy;

@@ -8,7 +8,7 @@ use crate::kernels::spiral::PERIOD;
 use crate::phased::guides::{CpuGuides, Surfaces, field};
 use crate::phased::layout::copy;
 use crate::settings::{Rejection, Settings, SurfaceSettings};
-use glam::{Vec2, Vec3};
+use glam::{DVec3, Vec2, Vec3};
 
 /// Pixels that are looked up together.
 pub(crate) const LANES: usize = 64;
@@ -93,29 +93,25 @@ impl Expected {
         }
         copy::<LANES, _>(&mut self.roughness[..n], &field(&now.roughness, width, 1, y, 0)[begin..][..n]);
         copy::<LANES, _>(&mut self.id[..n], &field(&now.id, width, 1, y, 0)[begin..][..n]);
-        let row = y as f32 + 0.5;
-        let v = row + now.jitter.y;
-        let (view, previous) = (&now.view, &guides.previous_view);
-        let guard = settings.guard_band;
+        let (row, jitter) = (y as f32 + 0.5, now.jitter);
+        let v = row + jitter.y;
+        let screen = Screen::new(&guides.previous_view);
+        let (guard, static_motion) = (settings.guard_band, settings.static_motion);
         let (right, bottom) = (width as f32 - guard, size.height as f32 - guard);
+        self.place(guides, v, (x, stride));
+        self.was_at = self.position;
+        self.was_facing = self.normal;
         for i in 0..LANES {
-            self.x[i] = (x + stride * i) as f32;
             let column = self.x[i] + 0.5;
-            let u = column + now.jitter.x;
+            let u = column + jitter.x;
             let z = self.depth[i];
             let (mx, my) = (self.motion[0][i], self.motion[1][i]);
-            let position = world(view, u, v, z);
             let (cx, cy) = (column + mx, row + my);
             let on_screen = (cx >= guard) & (cy >= guard) & (cx <= right) & (cy <= bottom);
             let alive = (z < f32::INFINITY) & !mx.is_nan() & !my.is_nan() & on_screen;
-            let (px, py, ahead) = pixel(previous, position, 1.0);
+            let (px, py, ahead) = screen.pixel(lane(&self.position, i), 1.0);
             let (ex, ey) = (px - u - mx, py - v - my);
-            let moved = !ahead | ((ex * ex + ey * ey).sqrt() > settings.static_motion);
-            for c in 0..3 {
-                self.position[c][i] = position[c];
-                self.was_at[c][i] = position[c];
-                self.was_facing[c][i] = self.normal[c][i];
-            }
+            let moved = !ahead | ((ex * ex + ey * ey).sqrt() > static_motion);
             self.coordinate[0][i] = cx;
             self.coordinate[1][i] = cy;
             self.alive[i] = u32::from(alive);
@@ -143,19 +139,27 @@ impl Expected {
         }
         copy::<LANES, _>(&mut self.roughness[..n], &field(&now.roughness, width, 1, y, 0)[begin..][..n]);
         copy::<LANES, _>(&mut self.id[..n], &field(&now.id, width, 1, y, 0)[begin..][..n]);
-        let v = y as f32 + 0.5 + now.jitter.y;
-        for i in 0..LANES {
-            self.x[i] = (x + stride * i) as f32;
-            let u = self.x[i] + 0.5 + now.jitter.x;
-            let position = world(&now.view, u, v, self.depth[i]);
-            for c in 0..3 {
-                self.position[c][i] = position[c];
-                self.was_at[c][i] = position[c];
-            }
-        }
+        self.place(guides, y as f32 + 0.5 + now.jitter.y, (x, stride));
+        self.was_at = self.position;
         self.was_facing = self.normal;
         self.moved = [0; LANES];
         self.bent = [0; LANES];
+    }
+
+    /// Columns and world positions of the lanes; `v`: the row's pixel coordinate.
+    #[inline(always)]
+    fn place(&mut self, guides: &CpuGuides, v: f32, (x, stride): (usize, usize)) {
+        let (rays, jitter) = (Rays::new(&guides.now.view), guides.now.jitter.x);
+        for i in 0..LANES {
+            // 32 bits: vectors of the older instruction sets convert no others.
+            self.x[i] = (x as i32 + stride as i32 * i as i32) as f32;
+        }
+        for i in 0..LANES {
+            let [px, py, pz] = rays.world(self.x[i] + 0.5 + jitter, v, self.depth[i]);
+            self.position[0][i] = px;
+            self.position[1][i] = py;
+            self.position[2][i] = pz;
+        }
     }
 
     /// Motion gives the pixel but not the depth: the nearest previous pixel of the same object anchors the plane.
@@ -205,24 +209,55 @@ fn normal_at(surfaces: &Surfaces, width: usize, y: usize, element: usize) -> [f3
     three(|c| surfaces.normal[(3 * y + c) * width + element])
 }
 
-/// [`Projection::world`].
-#[inline(always)]
-fn world(view: &Projection, u: f32, v: f32, depth: f32) -> [f32; 3] {
-    let axis = |a: &[Vec3; 3], c: usize| a[0][c] + a[1][c] * u + a[2][c] * v;
-    // All rays of a perspective camera come from one point: its other terms are zero.
-    let origin = three(|c| if view.perspective { view.origin[0][c] } else { axis(&view.origin, c) });
-    three(|c| origin[c] + axis(&view.direction, c) * depth)
+/// [`Projection::world`] for loops over lanes: a copy, so that it is plain to the compiler that no lane changes it. Without it such a
+/// loop goes lane by lane.
+#[derive(Clone, Copy)]
+struct Rays {
+    origin: [[f32; 3]; 3],
+    direction: [[f32; 3]; 3],
+    perspective: bool,
 }
 
-/// [`Projection::pixel`] of a point (`w` = 1), [`Projection::pixel_of_direction`] (`w` = 0); false: behind the eye.
-#[inline(always)]
-pub(super) fn pixel(view: &Projection, point: [f32; 3], w: f64) -> (f32, f32, bool) {
-    let (x, y, z) = (f64::from(point[0]), f64::from(point[1]), f64::from(point[2]));
-    let (ru, rv, rw) = (&view.u, &view.v, &view.w);
-    let pu = ru.0.x * x + ru.0.y * y + ru.0.z * z + ru.1 * w;
-    let pv = rv.0.x * x + rv.0.y * y + rv.0.z * z + rv.1 * w;
-    let pw = rw.0.x * x + rw.0.y * y + rw.0.z * z + rw.1 * w;
-    ((pu / pw) as f32, (pv / pw) as f32, pw > 0.0)
+impl Rays {
+    #[inline(always)]
+    fn new(view: &Projection) -> Self {
+        let of = |axes: &[Vec3; 3]| three(|k| axes[k].to_array());
+        Self { origin: of(&view.origin), direction: of(&view.direction), perspective: view.perspective }
+    }
+
+    #[inline(always)]
+    fn world(&self, u: f32, v: f32, depth: f32) -> [f32; 3] {
+        let Self { origin, direction, perspective } = *self;
+        let axis = |a: &[[f32; 3]; 3], c: usize| a[0][c] + a[1][c] * u + a[2][c] * v;
+        // All rays of a perspective camera come from one point: its other terms are zero.
+        let origin = three(|c| if perspective { origin[0][c] } else { axis(&origin, c) });
+        three(|c| origin[c] + axis(&direction, c) * depth)
+    }
+}
+
+/// [`Projection::pixel`] of points (`w` = 1), [`Projection::pixel_of_direction`] (`w` = 0); a copy as [`Rays`] is.
+#[derive(Clone, Copy)]
+pub(super) struct Screen {
+    u: [f64; 4],
+    v: [f64; 4],
+    w: [f64; 4],
+}
+
+impl Screen {
+    #[inline(always)]
+    pub fn new(view: &Projection) -> Self {
+        let of = |row: &(DVec3, f64)| [row.0.x, row.0.y, row.0.z, row.1];
+        Self { u: of(&view.u), v: of(&view.v), w: of(&view.w) }
+    }
+
+    /// The pixel coordinate; false: behind the eye.
+    #[inline(always)]
+    pub fn pixel(&self, point: [f32; 3], w: f64) -> (f32, f32, bool) {
+        let (x, y, z) = (f64::from(point[0]), f64::from(point[1]), f64::from(point[2]));
+        let of = |row: &[f64; 4]| row[0] * x + row[1] * y + row[2] * z + row[3] * w;
+        let (pu, pv, pw) = (of(&self.u), of(&self.v), of(&self.w));
+        ((pu / pw) as f32, (pv / pw) as f32, pw > 0.0)
+    }
 }
 
 #[inline(always)]
@@ -267,13 +302,14 @@ pub(crate) struct Segments {
     /// First lane and number of lanes.
     pub runs: [(usize, usize); LANES],
     pub count: usize,
-    /// 1: in no run, to be read by itself.
-    pub single: [u32; LANES],
+    /// Living lanes in no run, to be read by themselves, and their number.
+    singles: [usize; LANES],
+    alone: usize,
 }
 
 impl Segments {
     pub fn new() -> Self {
-        Self { runs: [(0, 0); LANES], count: 0, single: [0; LANES] }
+        Self { runs: [(0, 0); LANES], count: 0, singles: [0; LANES], alone: 0 }
     }
 
     /// Shorter ones cost more than single lanes.
@@ -282,8 +318,7 @@ impl Segments {
     /// Finds the runs among living lanes of a phase; `base`: column and row of the first of the four pixels.
     #[inline(always)]
     pub fn find(&mut self, base: &[[i32; LANES]; 2], alive: &[u32; LANES], width: i32, height: i32) {
-        self.count = 0;
-        self.single = *alive;
+        (self.count, self.alone) = (0, 0);
         let mut joins = [0u32; LANES];
         let mut inside = [0u32; LANES];
         for i in 0..LANES {
@@ -304,9 +339,21 @@ impl Segments {
             if i - first >= Self::SHORTEST {
                 self.runs[self.count] = (first, i - first);
                 self.count += 1;
-                self.single[first..i].fill(0);
+                continue;
+            }
+            for (lane, alive) in (first..i).zip(&alive[first..i]) {
+                if *alive != 0 {
+                    self.singles[self.alone] = lane;
+                    self.alone += 1;
+                }
             }
         }
+    }
+
+    /// Living lanes in no run, in ascending order.
+    #[inline(always)]
+    pub fn singles(&self) -> &[usize] {
+        &self.singles[..self.alone]
     }
 }
 
@@ -406,10 +453,7 @@ impl Footprint {
                 }
             }
         }
-        for i in 0..LANES {
-            if self.segments.single[i] == 0 {
-                continue;
-            }
+        for &i in self.segments.singles() {
             for k in 0..4 {
                 let (x, y) = (base[0][i] + (k & 1) as i32, base[1][i] + (k >> 1) as i32);
                 if x < 0 || y < 0 || x as usize >= width || y as usize >= size.height {
@@ -462,6 +506,7 @@ impl Footprint {
         let by_point = rejection == Rejection::Point;
         let roughness_limit = if reflector { glossy.reflector_roughness } else { f32::INFINITY };
         let view = &guides.now.view;
+        let (rays, jitter) = (Rays::new(&before.view), before.jitter);
         let mut begin = [0.0; LANES];
         for i in 0..LANES {
             let z = e.depth[i];
@@ -471,16 +516,22 @@ impl Footprint {
         }
         for k in 0..4 {
             let mut distance = [0.0; LANES];
+            let (column, row, depth) = (&self.column[k], &self.row[k], &self.depth[k]);
+            let [px, py, pz] = &mut self.position[k];
             for i in 0..LANES {
-                let (u, v) = (self.column[k][i] + 0.5 + before.jitter.x, self.row[k][i] + 0.5 + before.jitter.y);
-                let there = world(&before.view, u, v, self.depth[k][i]);
-                self.position[k][0][i] = there[0];
-                self.position[k][1][i] = there[1];
-                self.position[k][2][i] = there[2];
-                let (was_at, was_facing) = (lane(&e.was_at, i), lane(&e.was_facing, i));
-                let offset = three(|c| there[c] - was_at[c]);
-                distance[i] = dot(offset, was_facing).abs();
-                if by_point {
+                let (u, v) = (column[i] + 0.5 + jitter.x, row[i] + 0.5 + jitter.y);
+                let [x, y, z] = rays.world(u, v, depth[i]);
+                px[i] = x;
+                py[i] = y;
+                pz[i] = z;
+                let was_at = lane(&e.was_at, i);
+                let offset = [x - was_at[0], y - was_at[1], z - was_at[2]];
+                distance[i] = dot(offset, lane(&e.was_facing, i)).abs();
+            }
+            if by_point {
+                for i in 0..LANES {
+                    let (there, was_at) = (lane(&self.position[k], i), lane(&e.was_at, i));
+                    let offset = three(|c| there[c] - was_at[c]);
                     distance[i] = dot(offset, offset).sqrt();
                 }
             }

@@ -67,17 +67,18 @@ impl Blend {
     /// length N. `DETECTS`: the detector is on; without it the length is not rounded and there is no fast share.
     #[inline(always)]
     pub fn weigh<const DETECTS: bool>(&self, trust: f32, length: f32) -> Weighed {
-        if trust <= 0.0 || length <= 0.0 {
-            return Weighed { history: 0.0, fast: 0.0, confidence: 0.0, length: 1.0 };
-        }
+        // Without branches, for loops over lanes.
+        let none = (trust <= 0.0) | (length <= 0.0);
         let growing = length / (length + 1.0);
         let alpha = if self.ramp { self.alpha.min(growing) } else { self.alpha };
         let longer = (trust * length + 1.0).min(LONGEST_HISTORY);
+        let longer = if DETECTS { rounded_length(longer) } else { longer };
+        let fast = if DETECTS { trust * self.fast.min(growing) } else { 0.0 };
         Weighed {
-            history: trust * alpha,
-            fast: if DETECTS { trust * self.fast.min(growing) } else { 0.0 },
-            confidence: trust * (length / self.confidence_frames).min(1.0),
-            length: if DETECTS { rounded_length(longer) } else { longer },
+            history: if none { 0.0 } else { trust * alpha },
+            fast: if none { 0.0 } else { fast },
+            confidence: if none { 0.0 } else { trust * (length / self.confidence_frames).min(1.0) },
+            length: if none { 1.0 } else { longer },
         }
     }
 

@@ -144,10 +144,7 @@ fn bilinear(phases: &Phases, history: &Colours, coordinate: &[Lanes; 2], share: 
             }
         }
     }
-    for i in 0..n {
-        if segments.single[i] == 0 {
-            continue;
-        }
+    for &i in segments.singles() {
         let (bx, by, tx, ty) = (corner[0][i], corner[1][i], part[0][i], part[1][i]);
         let hold = |v: f32, extent: usize| (v.max(0.0) as usize).min(extent - 1);
         let (x0, x1) = (phases.element(hold(bx, width)), phases.element(hold(bx + 1.0, width)));

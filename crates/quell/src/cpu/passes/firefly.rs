@@ -89,7 +89,9 @@ impl Around {
             let counts = &self.counts[k][span.first..][..span.len];
             let out = &mut values[k][span.first..][..span.len];
             for i in 0..span.len {
-                out[i] = if counts[i] != 0 { source[i] } else { out[i] };
+                // By bits: a choice between two values is compiled to a branch at each.
+                let counts = counts[i].wrapping_neg();
+                out[i] = f32::from_bits((source[i].to_bits() & counts) | (out[i].to_bits() & !counts));
             }
         }
     }

@@ -5,7 +5,7 @@ use crate::kernels::edge_cpu::{Centres, Gains, RUN, Run, Tap, run_length, weight
 use crate::kernels::math::three;
 use crate::kernels::spiral::PERIOD;
 use crate::phased::guides::{CpuGuides, field};
-use crate::phased::layout::{Colours, Phases, channel};
+use crate::phased::layout::{Colours, channel};
 use crate::phased::rows;
 use crate::settings::{GlossyBilateral, OffScreen, Settings};
 use crate::stages::glossy_bilateral::Axis;
@@ -106,33 +106,30 @@ pub(crate) fn run(filter: &Filter<'_>, input: &Colours, output: &mut Colours) {
     let stride = output.stride(phases.size.width);
     let gains = Gains::glossy(&filter.settings.edge);
     let kind = (filter.guides.now.view.perspective, gains.reads_roughness());
-    rows::each(output.elements_mut(), stride, |y, out| {
+    rows::each(output.elements_mut(), BAND * stride, |band, out| {
+        let y = band * BAND;
         dispatch!(filter.level, _simd => match kind {
-            (true, false) => row::<true, false>(filter, &gains, &phases, input, y, out),
-            (true, true) => row::<true, true>(filter, &gains, &phases, input, y, out),
-            (false, false) => row::<false, false>(filter, &gains, &phases, input, y, out),
-            (false, true) => row::<false, true>(filter, &gains, &phases, input, y, out),
+            (true, false) => rows_of::<true, false>(filter, &gains, input, y, out),
+            (true, true) => rows_of::<true, true>(filter, &gains, input, y, out),
+            (false, false) => rows_of::<false, false>(filter, &gains, input, y, out),
+            (false, true) => rows_of::<false, true>(filter, &gains, input, y, out),
         });
     });
 }
 
+/// Rows that are filtered with one set of runs, which is zeroed only once.
+const BAND: usize = 8;
+
 #[inline(always)]
-fn row<const PERSPECTIVE: bool, const GLOSS: bool>(
+fn rows_of<const PERSPECTIVE: bool, const GLOSS: bool>(
     filter: &Filter<'_>,
     gains: &Gains,
-    phases: &Phases,
     input: &Colours,
-    y: usize,
+    first_row: usize,
     out: &mut [f32],
 ) {
-    let (guides, settings) = (filter.guides, &filter.settings.glossy_bilateral);
-    let (width, height) = (phases.size.width, phases.size.height);
-    let kernel = KernelSize::new(settings, height);
-    let gentle = settings.sigma >= GENTLE_SIGMA;
-    let view = &guides.now.view;
-    let (own, colours) = (input.row(width, y), input.elements());
-    let mut centres = Centres::new();
     let mut scratch = Scratch {
+        centres: Centres::new(),
         radius: [0.0; RUN],
         exponent: [0.0; RUN],
         falloff: [0.0; RUN],
@@ -141,7 +138,29 @@ fn row<const PERSPECTIVE: bool, const GLOSS: bool>(
         ceilings: [[f32::INFINITY; RUN]; 2],
         sums: [[[0.0; RUN]; 3]; PLANES],
     };
-    let Scratch { radius, exponent, falloff, computed, total, ceilings, sums } = &mut scratch;
+    let stride = input.stride(filter.guides.phases.size.width);
+    for (k, out) in out.chunks_mut(stride).enumerate() {
+        row::<PERSPECTIVE, GLOSS>(filter, gains, input, first_row + k, &mut scratch, out);
+    }
+}
+
+#[inline(always)]
+fn row<const PERSPECTIVE: bool, const GLOSS: bool>(
+    filter: &Filter<'_>,
+    gains: &Gains,
+    input: &Colours,
+    y: usize,
+    scratch: &mut Scratch,
+    out: &mut [f32],
+) {
+    let (guides, settings) = (filter.guides, &filter.settings.glossy_bilateral);
+    let phases = &guides.phases;
+    let (width, height) = (phases.size.width, phases.size.height);
+    let kernel = KernelSize::new(settings, height);
+    let gentle = settings.sigma >= GENTLE_SIGMA;
+    let view = &guides.now.view;
+    let (own, colours) = (input.row(width, y), input.elements());
+    let Scratch { centres, radius, exponent, falloff, computed, total, ceilings, sums } = scratch;
     for phase in 0..PERIOD {
         let begin = phases.range(phase).start;
         let count = phases.count(phase);
@@ -188,7 +207,7 @@ fn row<const PERSPECTIVE: bool, const GLOSS: bool>(
                             let lanes = piece.first..piece.first + piece.len;
                             let of_tap = &mut computed[..piece.len];
                             let geometry = Tap::new(view, offset.0, offset.1);
-                            weights::<PERSPECTIVE, GLOSS>(&centres, piece.first, &q, &geometry, gains, of_tap);
+                            weights::<PERSPECTIVE, GLOSS>(centres, piece.first, &q, &geometry, gains, of_tap);
                             piece.mask(of_tap);
                             let ceiling =
                                 if filter.settings.edge.monotone { Some(&mut ceiling[lanes.clone()]) } else { None };
@@ -221,6 +240,7 @@ fn row<const PERSPECTIVE: bool, const GLOSS: bool>(
 /// What a run needs; vectors that straddle cache lines cost twice.
 #[repr(align(64))]
 struct Scratch {
+    centres: Centres,
     radius: Run,
     exponent: Run,
     falloff: Run,

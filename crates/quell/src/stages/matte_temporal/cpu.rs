@@ -28,6 +28,8 @@ impl Shares {
     /// `depth`: background needs no help, its confidence is 1. `DETECTS`: as [`Blend::weigh`] has it.
     #[inline(always)]
     pub fn weigh<const DETECTS: bool>(&mut self, weights: &Blend, trust: &Lanes, length: &Lanes, depth: &Lanes) {
+        // A copy, so that it is plain to the compiler that no lane changes it: else it goes lane by lane.
+        let weights = *weights;
         for i in 0..LANES {
             let weighed = weights.weigh::<DETECTS>(trust[i], length[i]);
             self.history[i] = weighed.history;
@@ -52,8 +54,8 @@ pub(crate) fn fetch_scalar(data: &[f32], width: usize, (footprint, lookup): (&Fo
                 *out += if *weight > 0.0 { weight * value } else { 0.0 };
             }
         }
-        for i in 0..LANES {
-            if footprint.segments.single[i] != 0 && weight[i] > 0.0 {
+        for &i in footprint.segments.singles() {
+            if weight[i] > 0.0 {
                 out[i] += weight[i] * data[place.row[i] as usize * width + place.element[i] as usize];
             }
         }
@@ -75,8 +77,8 @@ pub(crate) fn shorten(changed: &[f32], width: usize, (footprint, lookup): (&Foot
                 *most = if is_more { *weight } else { *most };
             }
         }
-        for i in 0..LANES {
-            if footprint.segments.single[i] != 0 && weight[i] > most[i] {
+        for &i in footprint.segments.singles() {
+            if weight[i] > most[i] {
                 most[i] = weight[i];
                 found[i] = changed[place.row[i] as usize * width + place.element[i] as usize];
             }
@@ -127,8 +129,8 @@ pub(crate) fn fetch(
                 }
             }
         }
-        for i in 0..LANES {
-            if footprint.segments.single[i] != 0 && weight[i] > 0.0 {
+        for &i in footprint.segments.singles() {
+            if weight[i] > 0.0 {
                 let at = place.row[i] as usize * stride + plane * 3 * width + place.element[i] as usize;
                 for c in 0..3 {
                     out[c][i] += weight[i] * data[at + c * width];
