@@ -9,14 +9,19 @@ use fearless_simd::{Simd, dispatch, f32x8, prelude::*};
 
 /// Colour and normal that pixels show.
 const SEEN: usize = 6;
+/// The same and the share of mirror.
+const CHANNELS: usize = SEEN + 1;
 /// Pixels of a patch's row that are compared at once.
 const LANES: usize = 8;
+/// Pixels of the row of a patch of the usual size, which are summed without a loop.
+const USUAL: usize = 7;
 
 /// One level of the pyramid.
 struct Level {
     size: Size,
-    /// Channel by channel.
-    seen: [Vec<f32>; SEEN],
+    /// Row by row, of each row colour and normal, then the share, channel by channel: with a row of zeros above the picture and one
+    /// below, and [`LANES`] zeros before and after each channel. Patches that reach beyond the picture read these.
+    shown: Vec<f32>,
     /// How much of the pixel is mirror or glass, 0..1.
     share: Vec<f32>,
     /// Pixels of mirror in the patch around each pixel.
@@ -32,44 +37,53 @@ impl Level {
         if !share.contains(&1.0) {
             return None;
         }
-        let mut channels = std::array::from_fn(|_| Vec::with_capacity(size.pixels()));
-        for i in 0..size.pixels() {
+        let of = |i: usize| {
             let ([r, g, b], [x, y, z]) = (seen.at(0, i), seen.at(1, i));
-            channels.iter_mut().zip([r, g, b, x, y, z]).for_each(|(channel, value)| channel.push(value));
-        }
-        Some(Self::new(size, channels, share, s))
+            [r, g, b, x, y, z]
+        };
+        Some(Self::new(size, of, share, s))
     }
 
-    fn new(size: Size, seen: [Vec<f32>; SEEN], share: Vec<f32>, s: &Reflections) -> Self {
+    /// `of(pixel)`: colour and normal.
+    fn new(size: Size, of: impl Fn(usize) -> [f32; SEEN] + Sync + Send, share: Vec<f32>, s: &Reflections) -> Self {
+        let (w, stride) = (size.width, Self::stride(size));
+        let mut shown = vec![0.0; CHANNELS * stride * (size.height + 2)];
+        par::rows(&mut shown, CHANNELS * stride, |y, row| {
+            // The first row and the last lie outside of the picture.
+            for x in (0..w).filter(|_| (1..=size.height).contains(&y)) {
+                let p = (y - 1) * w + x;
+                for (c, value) in of(p).into_iter().chain([share[p]]).enumerate() {
+                    row[c * stride + LANES + x] = value;
+                }
+            }
+        });
         let population = population(size, &share, s);
-        Self { size, seen, share, population }
+        Self { size, shown, share, population }
     }
 
     /// Means over 2x2, of the mirror's part alone.
     fn coarser(&self, s: &Reflections) -> Self {
         let size = Size::new(self.size.width.div_ceil(2), self.size.height.div_ceil(2));
-        let mut seen = std::array::from_fn(|_| Vec::with_capacity(size.pixels()));
+        let mut seen = Vec::with_capacity(size.pixels());
         let mut share = Vec::with_capacity(size.pixels());
         for y in 0..size.height {
             for x in 0..size.width {
                 let (mut sum, mut weight, mut pixels) = ([0.0f32; SEEN], 0.0f32, 0.0f32);
                 for qy in 2 * y..(2 * y + 2).min(self.size.height) {
                     for qx in 2 * x..(2 * x + 2).min(self.size.width) {
-                        let q = qy * self.size.width + qx;
-                        for (sum, channel) in sum.iter_mut().zip(&self.seen) {
-                            *sum += self.share[q] * channel[q];
+                        let share = self.share[qy * self.size.width + qx];
+                        for (c, sum) in sum.iter_mut().enumerate() {
+                            *sum += share * self.value(c, qx, qy);
                         }
-                        weight += self.share[q];
+                        weight += share;
                         pixels += 1.0;
                     }
                 }
-                for (channel, sum) in seen.iter_mut().zip(sum) {
-                    channel.push(if weight > 0.0 { sum / weight } else { 0.0 });
-                }
+                seen.push(sum.map(|sum| if weight > 0.0 { sum / weight } else { 0.0 }));
                 share.push(weight / pixels);
             }
         }
-        Self::new(size, seen, share, s)
+        Self::new(size, |p| seen[p], share, s)
     }
 
     fn at(&self, x: i32, y: i32) -> Option<usize> {
@@ -77,11 +91,28 @@ impl Level {
         inside.then(|| y as usize * self.size.width + x as usize)
     }
 
-    /// A row of a channel; nothing above and below the picture.
+    /// Numbers of a channel of a row.
+    fn stride(size: Size) -> usize {
+        size.width + 2 * LANES
+    }
+
+    fn value(&self, c: usize, x: usize, y: usize) -> f32 {
+        let stride = Self::stride(self.size);
+        self.shown[((y + 1) * CHANNELS + c) * stride + LANES + x]
+    }
+
+    /// The channels of row `y`, of any row beyond the picture zeros.
     #[inline(always)]
-    fn row<'a>(&self, channel: &'a [f32], y: i32) -> &'a [f32] {
-        let w = self.size.width;
-        if y >= 0 && (y as usize) < self.size.height { &channel[y as usize * w..][..w] } else { &[] }
+    fn row(&self, y: i32) -> &[f32] {
+        let row = CHANNELS * Self::stride(self.size);
+        let y = (y.clamp(-1, self.size.height as i32) + 1) as usize;
+        &self.shown[y * row..][..row]
+    }
+
+    /// Where in a channel of a row [`LANES`] columns lie, from `x` on; where all are beyond the picture, zeros.
+    #[inline(always)]
+    fn column(&self, x: i32) -> usize {
+        (x.clamp(-(LANES as i32), self.size.width as i32) + LANES as i32) as usize
     }
 }
 
@@ -102,24 +133,16 @@ fn population(size: Size, share: &[f32], s: &Reflections) -> Vec<u32> {
     all
 }
 
-/// Eight values of a row from column `at` on; 0 beyond its ends. Without `EDGE` all must lie within the row: no function is called
-/// then, so that a loop around keeps its numbers in registers.
+/// Eight values of a row from `start` on, which all lie there: one comparison, and no function is called, so that a loop around keeps its
+/// numbers in registers.
 #[inline(always)]
-fn load<const EDGE: bool, S: Simd>(simd: S, row: &[f32], at: i32) -> f32x8<S> {
-    let run = match row.get(at as usize..) {
-        Some(rest) => rest.first_chunk::<LANES>(),
-        None => None,
-    };
-    match run {
+fn load<S: Simd>(simd: S, row: &[f32], start: usize) -> f32x8<S> {
+    // That the sum does not overflow is plain to the compiler so.
+    let start = start & (usize::MAX >> 1);
+    match row.get(start..start + LANES) {
         Some(run) => f32x8::from_slice(simd, run),
-        None if EDGE => at_edge(row, at).simd_into(simd),
         None => f32x8::splat(simd, 0.0),
     }
-}
-
-#[cold]
-fn at_edge(row: &[f32], at: i32) -> [f32; LANES] {
-    std::array::from_fn(|i| usize::try_from(at + i as i32).ok().and_then(|x| row.get(x)).copied().unwrap_or(0.0))
 }
 
 fn pyramid(finest: Level, s: &Reflections) -> Vec<Level> {
@@ -217,26 +240,16 @@ impl Pair<'_> {
     fn cost<S: Simd>(&self, simd: S, (x, y): (i32, i32), offset: [i32; 2], enough: f32) -> f32 {
         let here = self.here;
         let Some(p) = here.at(x, y).filter(|&p| here.population[p] > 0) else { return f32::MAX };
-        let patch = self.s.patch as i32;
-        // Columns that are read, all lanes counted.
-        let (from, width) = (x - patch, (2 * patch as usize + 1).next_multiple_of(LANES) as i32);
-        let inside = |from: i32, level: &Level| from >= 0 && from + width <= level.size.width as i32;
-        let rows = y + offset[1] >= patch && y + offset[1] + patch < self.there.size.height as i32;
         let departure = [offset[0] as f32 - self.surface[p][0], offset[1] as f32 - self.surface[p][1]];
         let departure = self.s.departure * (departure[0] * departure[0] + departure[1] * departure[1]);
         let cost = |sum: f32| sum / here.population[p] as f32 + departure;
-        let is_enough = |sum: f32| cost(sum) >= enough;
-        let sum = if rows && inside(from, here) && inside(from + offset[0], self.there) {
-            self.difference::<false, _>(simd, (x, y), offset, is_enough)
-        } else {
-            self.difference::<true, _>(simd, (x, y), offset, is_enough)
-        };
+        let sum = self.difference(simd, (x, y), offset, |sum| cost(sum) >= enough);
         cost(sum)
     }
 
     /// Sum of the differences of these patches; of their first rows, where that is enough.
     #[inline(always)]
-    fn difference<const EDGE: bool, S: Simd>(
+    fn difference<S: Simd>(
         &self,
         simd: S,
         (x, y): (i32, i32),
@@ -245,28 +258,35 @@ impl Pair<'_> {
     ) -> f32 {
         let Reflections { least_share, most_difference, .. } = *self.s;
         let (here, there) = (self.here, self.there);
+        let (stride, stride_there) = (Level::stride(here.size), Level::stride(there.size));
         let patch = self.s.patch as i32;
         let (zero, least) = (f32x8::splat(simd, 0.0), f32x8::splat(simd, least_share));
         let most = f32x8::splat(simd, most_difference);
         let mut sum = 0.0f32;
         for row in (y - patch).max(0)..=(y + patch).min(here.size.height as i32 - 1) {
+            let (p, q) = (here.row(row), there.row(row.saturating_add(offset[1])));
             let mut column = x - patch;
             while column <= x + patch {
-                let at = column + offset[0];
+                let (at, at_there) = (here.column(column), there.column(column.saturating_add(offset[0])));
                 let mut squared = zero;
                 for c in 0..SEEN {
-                    let d = load::<EDGE, _>(simd, here.row(&here.seen[c], row), column)
-                        - load::<EDGE, _>(simd, there.row(&there.seen[c], row + offset[1]), at);
+                    let d = load(simd, p, c * stride + at) - load(simd, q, c * stride_there + at_there);
                     squared += d * d;
                 }
-                let both = load::<EDGE, _>(simd, there.row(&there.share, row + offset[1]), at).simd_ge(least);
+                let both = load(simd, q, SEEN * stride_there + at_there).simd_ge(least);
                 let difference = both.select(squared.min(most), most);
                 // Nothing is added for pixels that are no mirror here: one after the other, as their sum has been rounded.
-                let counts = load::<EDGE, _>(simd, here.row(&here.share, row), column).simd_ge(least);
+                let counts = load(simd, p, SEEN * stride + at).simd_ge(least);
                 let differences: [f32; LANES] = counts.select(difference, zero).into();
-                let n = (x + patch + 1 - column).min(LANES as i32) as usize;
-                for difference in &differences[..n] {
-                    sum += difference;
+                let n = (x + patch + 1 - column) as usize;
+                if n == USUAL {
+                    for difference in &differences[..USUAL] {
+                        sum += difference;
+                    }
+                } else {
+                    for difference in differences.iter().take(n) {
+                        sum += difference;
+                    }
                 }
                 column += LANES as i32;
             }
