@@ -113,6 +113,27 @@ impl Weight {
         }
     }
 
+    /// Multiplies light of the pixels from `first` on.
+    #[inline(always)]
+    #[cfg(feature = "cpu")]
+    pub(crate) fn multiply(&self, first: usize, light: &mut [Rgb]) {
+        let n = light.len();
+        match self {
+            Self::Half(data) => {
+                let weights = data[first..][..n].as_flattened();
+                for (light, weight) in light.as_flattened_mut().iter_mut().zip(weights) {
+                    *light *= widen(*weight);
+                }
+            }
+            Self::Full(plane) => {
+                let weights = plane.data()[first..][..n].as_flattened();
+                for (light, weight) in light.as_flattened_mut().iter_mut().zip(weights) {
+                    *light *= weight;
+                }
+            }
+        }
+    }
+
     /// As it came.
     pub(crate) fn plane(&self, size: Size) -> Plane<Rgb> {
         par::plane(size, |x, y| self.at(y * size.width + x))

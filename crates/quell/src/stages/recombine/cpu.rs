@@ -1,52 +1,94 @@
-//! Light and colour recombined on all threads.
+//! Light and colour recombined on all threads, a row at once: each step is a loop over numbers beside each other, which becomes vectors.
 
 use super::{factors, mirror_colour, raw};
 use crate::frame::Rgb;
 use crate::par;
 use crate::plane::Plane;
-use crate::window::{LightSlot, PreparedFrame, Rows};
+use crate::simd::widest;
+use crate::window::{LightSlot, PreparedFrame, Rows, Samples};
 
 /// As [`super::reference::sum`].
 pub(crate) fn sum(frame: &PreparedFrame, slots: &[LightSlot], colours: &Rows) -> Plane<Rgb> {
+    picture(frame, slots, |slot, y, light| interleave(channels(colours, y, slot, 0), light))
+}
+
+/// As [`super::reference::input`].
+pub(crate) fn input(frame: &PreparedFrame, slots: &[LightSlot], colours: &Rows) -> Plane<Rgb> {
+    picture(frame, slots, |slot, y, light| {
+        interleave(channels(colours, y, slot, 0), light);
+        take_raw(frame, slot, 0, y * light.len(), light);
+    })
+}
+
+/// The sum over the lights of the beauty; `of(light, y, row)` gives a row of a light.
+fn picture(
+    frame: &PreparedFrame,
+    slots: &[LightSlot],
+    of: impl Fn(&LightSlot, usize, &mut [Rgb]) + Sync + Send,
+) -> Plane<Rgb> {
     let mut picture = Plane::filled(frame.features.size, [0.0; 3]);
     let width = frame.features.size.width;
     par::rows(picture.data_mut(), width, |y, row| {
+        let mut light = vec![[0.0; 3]; width];
         for slot in slots.iter().filter(|slot| frame.in_beauty[slot.light]) {
-            let channels = [0, 1, 2].map(|c| colours.row(y, 3 * slot.first + c));
-            let weights = frame.weights[slot.light].as_deref();
-            let mirror = mirror_colour(&frame.features, slot);
-            for (x, value) in row.iter_mut().enumerate() {
-                let weight = weights.map_or([1.0; 3], |w| w.at(y * width + x));
-                let mirror = mirror.and_then(|m| m.get(y * width + x)).unwrap_or([1.0; 3]);
-                for c in 0..3 {
-                    value[c] += channels[c][x] * weight[c] * mirror[c];
-                }
-            }
+            of(slot, y, &mut light);
+            widest!(add(frame, slot, y * width, &mut light, row));
         }
     });
     picture
 }
 
-/// As [`super::reference::input`].
-pub(crate) fn input(frame: &PreparedFrame, slots: &[LightSlot], colours: &Rows) -> Plane<Rgb> {
-    let mut picture = Plane::filled(frame.features.size, [0.0; 3]);
-    let width = frame.features.size.width;
-    par::rows(picture.data_mut(), width, |y, row| {
-        for slot in slots.iter().filter(|slot| frame.in_beauty[slot.light]) {
-            let weights = frame.weights[slot.light].as_deref();
-            let mirror = mirror_colour(&frame.features, slot);
-            for (x, value) in row.iter_mut().enumerate() {
-                let p = y * width + x;
-                let light = raw(frame, slot, 0, p).unwrap_or_else(|| colours.colour(x, y, 3 * slot.first));
-                let weight = weights.map_or([1.0; 3], |w| w.at(p));
-                let mirror = mirror.and_then(|m| m.get(p)).unwrap_or([1.0; 3]);
-                for c in 0..3 {
-                    value[c] += light[c] * weight[c] * mirror[c];
-                }
+/// Adds light * weight * mirror colour of the pixels from `first` on.
+#[inline(always)]
+fn add(frame: &PreparedFrame, slot: &LightSlot, first: usize, light: &mut [Rgb], picture: &mut [Rgb]) {
+    if let Some(weight) = frame.weights[slot.light].as_deref() {
+        weight.multiply(first, light);
+    }
+    reflect(frame, slot, first, light);
+    for (sum, light) in picture.as_flattened_mut().iter_mut().zip(light.as_flattened()) {
+        *sum += light;
+    }
+}
+
+/// Multiplies with the colour of mirrors.
+#[inline(always)]
+fn reflect(frame: &PreparedFrame, slot: &LightSlot, first: usize, light: &mut [Rgb]) {
+    let Some(mirror) = mirror_colour(&frame.features, slot) else { return };
+    for (x, light) in light.iter_mut().enumerate() {
+        if let Some(colour) = mirror.get(first + x) {
+            for c in 0..3 {
+                light[c] *= colour[c];
             }
         }
-    });
-    picture
+    }
+}
+
+/// The three channels of a plane of a light, row `y`, one after the other.
+fn channels<'a>(colours: &'a Rows, y: usize, slot: &LightSlot, k: usize) -> &'a [f32] {
+    &colours.data()[colours.start(y, 3 * (slot.first + k))..][..3 * colours.size().width]
+}
+
+/// From three channels, one after the other, to colours.
+#[inline(always)]
+fn interleave(channels: &[f32], out: &mut [Rgb]) {
+    let n = out.len();
+    let (r, g, b) = (&channels[..n], &channels[n..2 * n], &channels[2 * n..3 * n]);
+    for x in 0..n {
+        out[x] = [r[x], g[x], b[x]];
+    }
+}
+
+/// A plane of a light as it came, of the pixels from `first` on; where it is not kept `out` stays.
+fn take_raw(frame: &PreparedFrame, slot: &LightSlot, k: usize, first: usize, out: &mut [Rgb]) {
+    match &frame.stored[slot.light] {
+        Samples::Black => out.fill([0.0; 3]),
+        Samples::Packed(plane) => {
+            for (x, out) in out.iter_mut().enumerate() {
+                *out = frame.samples.at(plane + k, first + x);
+            }
+        }
+        Samples::Own(_) | Samples::Gone => {}
+    }
 }
 
 /// As [`super::reference::rescale`].
@@ -58,25 +100,53 @@ pub(crate) fn rescale(
     shares: Option<&Plane<[f32; 3]>>,
 ) -> Vec<Vec<Plane<Rgb>>> {
     let (size, width) = (frame.features.size, frame.features.size.width);
-    let share = |x: usize, y: usize| shares.map_or([0.0, 0.0, 1.0], |shares| shares.at(x, y));
-    let gain = par::plane(size, |x, y| factors(before.at(x, y), after.at(x, y), share(x, y)).1);
-    let filtered = |slot: &LightSlot| {
-        let mirror = mirror_colour(&frame.features, slot);
-        let plane = |k: usize| {
-            par::plane(size, |x, y| {
-                let p = y * width + x;
-                let mirror = mirror.and_then(|m| m.get(p)).unwrap_or([1.0; 3]);
-                let (filtered, own) = (colours.colour(x, y, 3 * (slot.first + k)), share(x, y)[0]);
-                let raw = if own > 0.0 { raw(frame, slot, k, p).unwrap_or(filtered) } else { filtered };
-                let gain = gain.at(x, y);
-                [0, 1, 2].map(|c| (filtered[c] + own * (raw[c] - filtered[c]) + gain[c] * filtered[c]) * mirror[c])
-            })
-        };
-        (0..slot.planes).map(plane).collect()
+    // The input's share and the three gains of a pixel.
+    let mut scales = Rows::new(size, 4);
+    par::rows(scales.data_mut(), (4 * width).max(1), |y, out| {
+        for x in 0..width {
+            let share = shares.map_or([0.0, 0.0, 1.0], |shares| shares.at(x, y));
+            let (own, gain) = factors(before.at(x, y), after.at(x, y), share);
+            out[x] = own;
+            for c in 0..3 {
+                out[(1 + c) * width + x] = gain[c];
+            }
+        }
+    });
+    let plane = |slot: &LightSlot, k: usize| {
+        let mut plane = Plane::filled(size, [0.0; 3]);
+        par::rows(plane.data_mut(), width, |y, out| {
+            let filtered = channels(colours, y, slot, k);
+            let scales = &scales.data()[scales.start(y, 0)..][..4 * width];
+            let mut light = filtered.to_vec();
+            for x in (0..width).filter(|x| scales[*x] > 0.0) {
+                let Some(raw) = raw(frame, slot, k, y * width + x) else { break };
+                for c in 0..3 {
+                    light[c * width + x] = raw[c];
+                }
+            }
+            widest!(mix(&mut light, filtered, scales));
+            interleave(&light, out);
+            reflect(frame, slot, y * width, out);
+        });
+        plane
     };
     let light = |slot: &LightSlot| match slots.iter().find(|lit| lit.light == slot.light) {
-        Some(lit) => filtered(lit),
+        Some(lit) => (0..lit.planes).map(|k| plane(lit, k)).collect(),
         None => vec![Plane::filled(size, [0.0; 3]); slot.planes],
     };
     frame.slots.iter().map(light).collect()
+}
+
+/// From the light as it came, three channels one after the other, to what it becomes. `scales`: of each pixel the input's share, then
+/// three gains.
+#[inline(always)]
+fn mix(light: &mut [f32], filtered: &[f32], scales: &[f32]) {
+    let n = light.len() / 3;
+    let (own, gains) = scales.split_at(n);
+    for c in 0..3 {
+        let (light, filtered, gain) = (&mut light[c * n..][..n], &filtered[c * n..][..n], &gains[c * n..][..n]);
+        for (x, own) in own.iter().enumerate() {
+            light[x] = filtered[x] + own * (light[x] - filtered[x]) + gain[x] * filtered[x];
+        }
+    }
 }
