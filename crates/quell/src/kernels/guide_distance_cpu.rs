@@ -337,6 +337,18 @@ impl Distances {
         }
     }
 
+    /// From distances to [`weight`]s, for all lights of a class at once.
+    #[inline(always)]
+    pub(crate) fn weigh<S: Simd>(&mut self, simd: S, wanted: [bool; CLASSES]) {
+        for (class, distances) in self.by_class.iter_mut().enumerate() {
+            if wanted[class] {
+                for distance in &mut distances[..self.count] {
+                    weight(f32x16::from_slice(simd, distance)).store_slice(distance);
+                }
+            }
+        }
+    }
+
     /// The taps.
     #[inline(always)]
     pub(crate) fn taps(&self) -> &[Tap] {

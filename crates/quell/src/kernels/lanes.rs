@@ -60,6 +60,20 @@ pub(crate) fn load_halves<const EDGE: bool, S: Simd>(simd: S, row: &[f16], at: i
     if EDGE { halves_at_edge(row, at).simd_into(simd) } else { f32x16::splat(simd, 0.0) }
 }
 
+/// [`load_within`] of half floats.
+#[inline(always)]
+pub(crate) fn load_halves_within<S: Simd>(simd: S, data: &[f16], start: usize) -> f32x16<S> {
+    let start = start & (usize::MAX >> 1);
+    let run = match data.get(start..start + BLOCK) {
+        Some(run) => run.first_chunk(),
+        None => None,
+    };
+    match run.map(split) {
+        Some([a, b]) => widen_eight(simd, a).combine(widen_eight(simd, b)),
+        None => f32x16::splat(simd, 0.0),
+    }
+}
+
 #[inline(always)]
 fn split(run: &[f16; BLOCK]) -> [[f16; BLOCK / 2]; 2] {
     bytemuck::cast(*run)

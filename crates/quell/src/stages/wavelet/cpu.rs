@@ -2,9 +2,10 @@
 //! distances of a level.
 
 use super::{LEAST_VARIANCE, SPLINE, TENT, tolerance};
-use crate::kernels::guide_distance_cpu::{Distances, Guides, inside, three_rows, weight};
+use crate::kernels::guide_distance_cpu::{Distances, Guides, Tap, inside, three_rows, weight};
 use crate::kernels::lanes::{BLOCK, load, store};
 use crate::kernels::math::LUMINANCE;
+use crate::plane::Size;
 use crate::sequence::settings::Wavelet;
 use crate::window::{Class, Features, LightSlot, LocalFeatures, Rows};
 use fearless_simd::{Simd, f32x16, prelude::*};
@@ -23,46 +24,83 @@ pub(crate) fn compared_row<S: Simd>(
     let (w, h) = (local.size.width, local.size.height);
     let wanted = Class::ALL.map(|c| slots.iter().any(|slot| Class::of(slot.kind) == c));
     let mut distances = Distances::new(1);
+    // Of each light the luminance of the rows that taps lie in: found once, not at every tap.
+    let mut luminances = Rows::new(Size::new(w, 3), slots.len());
+    let first = y.saturating_sub(1);
+    for row in first..(y + 2).min(h) {
+        luminances_of(simd, slots, colours, row, &mut luminances, row - first);
+    }
+    let images = Compared { luminances: &luminances, first, variance };
     for x in (0..w).step_by(BLOCK) {
         if distances.reach_edge(x, w, 1) {
             let guides = Guides::<_, true>::new(simd, local, s, wanted, [x, y]);
             distances.find(&guides, h, 1);
-            means::<true, _>(simd, slots, (colours, variance), &distances, ((x, y), s.step * s.step), out);
+            distances.weigh(simd, wanted);
+            means::<true, _>(simd, slots, &images, &distances, ((x, y), s.step * s.step), out);
         } else {
             let guides = Guides::<_, false>::new(simd, local, s, wanted, [x, y]);
             distances.find(&guides, h, 1);
-            means::<false, _>(simd, slots, (colours, variance), &distances, ((x, y), s.step * s.step), out);
+            distances.weigh(simd, wanted);
+            means::<false, _>(simd, slots, &images, &distances, ((x, y), s.step * s.step), out);
         }
     }
 }
 
-/// The part of [`compared_row`] from `x` on.
+/// The luminance of each light in row `y`, into row `at`.
+#[inline(always)]
+fn luminances_of<S: Simd>(simd: S, slots: &[LightSlot], colours: &Rows, y: usize, out: &mut Rows, at: usize) {
+    let w = colours.size().width;
+    for (l, slot) in slots.iter().enumerate() {
+        let (r, g, b) =
+            (colours.row(y, 3 * slot.first), colours.row(y, 3 * slot.first + 1), colours.row(y, 3 * slot.first + 2));
+        let start = out.start(at, l);
+        let out = &mut out.data_mut()[start..][..w];
+        for x in (0..w).step_by(BLOCK) {
+            let of = x as isize;
+            let value = load::<true, _>(simd, r, of) * LUMINANCE[0]
+                + load::<true, _>(simd, g, of) * LUMINANCE[1]
+                + load::<true, _>(simd, b, of) * LUMINANCE[2];
+            store(value, out, x);
+        }
+    }
+}
+
+/// What is compared around a pixel.
+struct Compared<'a> {
+    /// Of each light, rows from `first` on.
+    luminances: &'a Rows,
+    first: usize,
+    variance: &'a Rows,
+}
+
+/// The part of [`compared_row`] from `x` on; `distances` are weights.
 #[inline(always)]
 fn means<const EDGE: bool, S: Simd>(
     simd: S,
     slots: &[LightSlot],
-    (colours, variance): (&Rows, &Rows),
+    Compared { luminances, first, variance }: &Compared<'_>,
     distances: &Distances,
     ((x, y), squared): ((usize, usize), f32),
     out: &mut [f32],
 ) {
-    let w = colours.size().width;
+    let w = variance.size().width;
     let (one, two) = (f32x16::splat(simd, 1.0), f32x16::splat(simd, 2.0));
     let zero = f32x16::splat(simd, 0.0);
     for (l, slot) in slots.iter().enumerate() {
         let (mut mean, mut spread, mut total) = (zero, zero, zero);
-        let at = |c: usize| load::<EDGE, _>(simd, colours.row(y, 3 * slot.first + c), x as isize);
-        let own = at(0) * LUMINANCE[0] + at(1) * LUMINANCE[1] + at(2) * LUMINANCE[2];
+        let own = load::<EDGE, _>(simd, luminances.row(y - first, l), x as isize);
         let own_variance = load::<EDGE, _>(simd, variance.row(y, l), x as isize);
-        for (tap, distance) in distances.of(Class::of(slot.kind)) {
+        let (values, variances) = (from(luminances, l), from(variance, l));
+        for (tap, weight) in distances.of(Class::of(slot.kind)) {
             let share = TENT[tap.dx.unsigned_abs()] * TENT[tap.dy.unsigned_abs()];
-            let [r, g, b] = three_rows::<EDGE, _>(simd, colours, tap, 3 * slot.first);
-            let value = r * LUMINANCE[0] + g * LUMINANCE[1] + b * LUMINANCE[2];
-            let (v, d) = (tap.of::<EDGE, _>(simd, variance, l), value - own);
+            let here = Tap { row: tap.row - first, ..*tap };
+            let value = here.at::<EDGE, _>(simd, (luminances, l), (values, here.start(luminances)));
+            let v = tap.at::<EDGE, _>(simd, (variance, l), (variances, tap.start(variance)));
+            let d = value - own;
             // As `same_light`.
             let most = (v + own_variance) * squared + LEAST_VARIANCE;
             let same = (two - d * d / most).max_precise(zero).min_precise(one);
-            let weight = inside::<EDGE, _>(tap, w, weight(f32x16::from_slice(simd, distance)) * same * share);
+            let weight = inside::<EDGE, _>(tap, w, f32x16::from_slice(simd, weight) * same * share);
             total += weight;
             mean += weight * value;
             spread += weight * weight * v;

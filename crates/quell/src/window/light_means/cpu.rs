@@ -1,7 +1,9 @@
 //! Means of the light, sixteen pixels of a row at once through all taps: the fast twin of [`super::reference`].
 
 use super::{Asked, FREE, LEAST, MOST, RADIUS, SECOND_DIFFERENCE, STEPS, STRONGEST, WINDOW};
-use crate::kernels::lanes::{BLOCK, inside, load, load_halves, load_row, store, whole};
+use crate::kernels::lanes::{
+    BLOCK, inside, load, load_halves, load_halves_within, load_row, load_within, store, whole,
+};
 use crate::kernels::math::luminance;
 use crate::par;
 use crate::sequence::settings::Gather;
@@ -226,13 +228,15 @@ impl Job<'_> {
         let mut there = [zero.simd_eq(zero); NEAR];
         let mut same = there;
         let here = Points::load::<EDGE>(simd, surface, w, y, x as isize);
-        let mut taps = [(0, 0); NEAR];
-        let mut count = 0;
+        let mut starts = [0; NEAR];
+        let (mut count, mut centre) = (0, 0);
         let mut lit_around = zero;
+        // How many pixels that is, for lights that surfaces bound and for the others.
+        let mut numbers = [zero; 2];
         for qy in rows.clone() {
             for dx in -RADIUS..=RADIUS {
                 let at = x as isize + dx;
-                taps[count] = (qy, (at + PAD as isize) as usize);
+                starts[count] = qy * light[0].stride + (at + PAD as isize) as usize;
                 if EDGE && !whole(at, w) {
                     let inside: f32x16<S> = inside(at, w).simd_into(simd);
                     there[count] = inside.simd_gt(zero);
@@ -240,16 +244,19 @@ impl Job<'_> {
                 same[count] = there[count];
                 if qy != y || dx != 0 {
                     same[count] &= here.alike(&Points::load::<EDGE>(simd, surface, w, qy, at), s);
+                } else {
+                    centre = count;
                 }
                 if let Some(lit) = lit {
-                    let lit = f32x16::from_slice(simd, &lit.row(qy)[taps[count].1..][..BLOCK]);
+                    let lit = load_within(simd, &lit.data, starts[count]);
                     lit_around = there[count].select(lit_around.max(lit), lit_around);
                 }
+                numbers[0] += there[count].select(one, zero);
+                numbers[1] += same[count].select(one, zero);
                 count += 1;
             }
         }
         let medium = lit_around.simd_gt(zero);
-        let centre = (y, x + PAD);
         for (l, asked) in self.lights.iter().enumerate() {
             let found = &noises[l * w.div_ceil(BLOCK) + x / BLOCK];
             let noise = f32x16::from_slice(simd, &found[..BLOCK]);
@@ -258,15 +265,15 @@ impl Job<'_> {
             // The spread of the pixels is noise as far as it is below this.
             let bound = noise * (strong * s.mean_few + s.mean_least);
             let t = noise * s.mean_pixels * (strong + 1.0);
-            let at = |(y, x): (usize, usize)| &light[l].row(y)[x..x + BLOCK];
-            let own = f32x16::from_slice(simd, at(centre));
-            let (mut first, mut squared, mut total, mut second, mut number) = (zero, zero, zero, zero, zero);
-            let masks = if asked.bounded { &same } else { &there };
-            for (tap, mask) in taps[..count].iter().zip(masks) {
-                let value = f32x16::from_slice(simd, at(*tap));
+            let data = &light[l].data;
+            let own = load_within(simd, data, starts[centre]);
+            let (mut first, mut squared, mut total, mut second) = (zero, zero, zero, zero);
+            let (masks, number) = if asked.bounded { (&same, numbers[1]) } else { (&there, numbers[0]) };
+            for (i, (start, mask)) in starts[..count].iter().zip(masks).enumerate() {
+                let value = load_within(simd, data, *start);
                 let difference = value - own;
                 let mut weight = t / (t + difference * difference + LEAST);
-                if *tap == centre {
+                if i == centre {
                     weight = one;
                 }
                 let weight = mask.select(weight, zero);
@@ -274,7 +281,6 @@ impl Job<'_> {
                 squared += weight * weight;
                 total += weight;
                 second += weight * value * value;
-                number += mask.select(one, zero);
             }
             let mean = first / total;
             let spread = (second / total - mean * mean).max_precise(zero) * number / (number - 1.0);
@@ -287,6 +293,18 @@ impl Job<'_> {
             }
             store(mean / self.scale, &mut out[l * w..][..w], x);
             store(deviation, &mut out[(n + l) * w..][..w], x);
+        }
+    }
+
+    /// A channel of sixteen pixels of row `y` of [`Self::near`], from column `x` on.
+    #[inline(always)]
+    fn kept<const EDGE: bool, S: Simd>(&self, simd: S, near: &[f16], c: usize, (y, x): (usize, isize)) -> f32x16<S> {
+        let w = self.f.size.width;
+        let from = (2 * self.lights.len() * y + c) * w;
+        if EDGE {
+            load_halves::<true, _>(simd, &near[from..][..w], x)
+        } else {
+            load_halves_within(simd, near, from.wrapping_add_signed(x))
         }
     }
 
@@ -309,12 +327,13 @@ impl Job<'_> {
     fn wide_block<const EDGE: bool, S: Simd>(&self, simd: S, near: &[f16], (x, y): (usize, usize), out: &mut [f32]) {
         const MOST_WINDOWS: usize = ((2 * STEPS + 1) * (2 * STEPS + 1)) as usize;
         let (w, h, n, s) = (self.f.size.width, self.f.size.height, self.lights.len(), self.s);
-        let zero = f32x16::splat(simd, 0.0);
-        let row = |c: usize, y: usize| &near[(2 * n * y + c) * w..][..w];
+        let (zero, one) = (f32x16::splat(simd, 0.0), f32x16::splat(simd, 1.0));
         let mut there = [zero.simd_eq(zero); MOST_WINDOWS];
         let mut same = there;
         let mut taps = [(0, 0); MOST_WINDOWS];
         let mut count = 0;
+        // How many windows that is with the pixel's own, for lights that surfaces bound and for the others.
+        let mut numbers = [one; 2];
         let here = Points::load::<EDGE>(simd, &self.surface, w, y, x as isize);
         for dy in -STEPS..=STEPS {
             let qy = y as isize + dy * WINDOW;
@@ -333,33 +352,38 @@ impl Job<'_> {
                 let other = Points::load::<EDGE>(simd, &self.surface, w, qy as usize, at);
                 same[count] = there[count] & here.alike(&other, s);
                 taps[count] = (qy as usize, at);
+                numbers[0] += there[count].select(one, zero);
+                numbers[1] += same[count].select(one, zero);
                 count += 1;
             }
         }
+        // The deviations of the windows of a light.
+        let mut others = [zero; MOST_WINDOWS];
         for (l, asked) in self.lights.iter().enumerate() {
-            let mean = load_halves::<EDGE, _>(simd, row(l, y), x as isize);
-            let known = load_halves::<EDGE, _>(simd, row(n + l, y), x as isize);
+            let (mean, known) = (
+                self.kept::<EDGE, _>(simd, near, l, (y, x as isize)),
+                self.kept::<EDGE, _>(simd, near, n + l, (y, x as isize)),
+            );
             // Light without noise, whose deviation is below 0, is compared like the rest.
             let deviation = known.max_precise(zero);
             let own = deviation * deviation;
-            let masks = if asked.bounded { &same } else { &there };
+            let (masks, number) = if asked.bounded { (&same, numbers[1]) } else { (&there, numbers[0]) };
             // The noise of a window alone is small where the window is dark by chance: that of all is surer.
-            let (mut pooled, mut number) = (own, f32x16::splat(simd, 1.0));
-            for ((qy, at), mask) in taps[..count].iter().zip(masks) {
-                let others = load_halves::<EDGE, _>(simd, row(n + l, *qy), *at).max_precise(zero);
-                pooled += mask.select(others * others, zero);
-                number += mask.select(f32x16::splat(simd, 1.0), zero);
+            let mut pooled = own;
+            for ((tap, mask), others) in taps[..count].iter().zip(masks).zip(&mut others) {
+                *others = self.kept::<EDGE, _>(simd, near, n + l, *tap).max_precise(zero);
+                pooled += mask.select(*others * *others, zero);
             }
             let t = pooled / number * (2.0 * s.mean_windows);
-            let (mut sum, mut variance, mut total) = (mean, own, f32x16::splat(simd, 1.0));
-            for ((qy, at), mask) in taps[..count].iter().zip(masks) {
-                let other = load_halves::<EDGE, _>(simd, row(l, *qy), *at);
-                let others = load_halves::<EDGE, _>(simd, row(n + l, *qy), *at).max_precise(zero);
+            let noisy = t.simd_gt(zero);
+            let (mut sum, mut variance, mut total) = (mean, own, one);
+            for ((tap, mask), others) in taps[..count].iter().zip(masks).zip(&others) {
+                let other = self.kept::<EDGE, _>(simd, near, l, *tap);
                 let difference = other - mean;
                 let share = (t - difference * difference).max_precise(zero) / t;
-                let weight = (*mask & t.simd_gt(zero)).select(share * share, zero);
+                let weight = (*mask & noisy).select(share * share, zero);
                 sum += weight * other;
-                variance += weight * weight * others * others;
+                variance += weight * weight * *others * *others;
                 total += weight;
             }
             // Below 0: without noise.
