@@ -44,15 +44,16 @@ impl Level {
         Some(Self::new(size, of, share, s))
     }
 
-    /// `of(pixel)`: colour and normal.
+    /// `of(pixel)`: colour and normal of a mirror.
     fn new(size: Size, of: impl Fn(usize) -> [f32; SEEN] + Sync + Send, share: Vec<f32>, s: &Reflections) -> Self {
         let (w, stride) = (size.width, Self::stride(size));
         let mut shown = vec![0.0; CHANNELS * stride * (size.height + 2)];
         par::rows(&mut shown, CHANNELS * stride, |y, row| {
             // The first row and the last lie outside of the picture.
-            for x in (0..w).filter(|_| (1..=size.height).contains(&y)) {
-                let p = (y - 1) * w + x;
-                for (c, value) in of(p).into_iter().chain([share[p]]).enumerate() {
+            let Some(share) = y.checked_sub(1).and_then(|y| share.get(y * w..(y + 1) * w)) else { return };
+            // What is no mirror counts nowhere.
+            for (x, share) in share.iter().enumerate().filter(|(_, share)| **share > 0.0) {
+                for (c, value) in of((y - 1) * w + x).into_iter().chain([*share]).enumerate() {
                     row[c * stride + LANES + x] = value;
                 }
             }
@@ -72,11 +73,13 @@ impl Level {
                 for qy in 2 * y..(2 * y + 2).min(self.size.height) {
                     for qx in 2 * x..(2 * x + 2).min(self.size.width) {
                         let share = self.share[qy * self.size.width + qx];
-                        for (c, sum) in sum.iter_mut().enumerate() {
-                            *sum += share * self.value(c, qx, qy);
-                        }
-                        weight += share;
                         pixels += 1.0;
+                        if share > 0.0 {
+                            for (c, sum) in sum.iter_mut().enumerate() {
+                                *sum += share * self.value(c, qx, qy);
+                            }
+                            weight += share;
+                        }
                     }
                 }
                 seen.push(sum.map(|sum| if weight > 0.0 { sum / weight } else { 0.0 }));
