@@ -179,6 +179,8 @@ parameters! {
             higher "Steadier and smoother edges, a little softer.", lower "More flicker.", source "ours";
         decay: f32 = 0.8, 0.0..=1.0, "per frame", "Weight of a neighbour one frame further away.",
             higher "Steadier.", lower "Sharper.", source "ours";
+        contrast: f32 = 1.2, 1.0..=1e6, "times", "How much brighter or darker than anything that a pixel showed a neighbour in time may be before it counts less.",
+            higher "Lamps bleed into what is dark beside them where motion misses.", lower "A little more flicker.", source "ours: docs/trials.md";
         seen_albedo: f32 = 0.5, 0.01..=16.0, "of the tone-mapped range", "How far what a mirror shows around a pixel may differ in a neighbour in time.",
             higher "Moving reflections smear.", lower "They stay noisy.", source "ours";
         surface_seen_albedo: f32 = 0.0625, 0.001..=16.0, "of the tone-mapped range", "The same where the surface's motion is used in place of the reflection's.",

@@ -2,7 +2,8 @@
 
 use super::cpu::Track;
 use super::{
-    BOUNDED, PARTS, StabiliseFrame, TAPS_AROUND, TAPS_IN_TIME, albedo_around, bandwidths, mixed, normal_at, restored,
+    BOUNDED, BRIGHTNESS, COMPARED, PARTS, Shown, StabiliseFrame, TAPS_AROUND, TAPS_IN_TIME, albedo_around, bandwidths,
+    log_brightness, mixed, normal_at, restored,
 };
 #[cfg(feature = "internals")]
 use super::{Signature, signature_at};
@@ -13,6 +14,7 @@ use crate::plane::{Plane, Size};
 use crate::sequence::settings::{Gather, Stabilise};
 use crate::stages::blend::BlendFrame;
 use crate::stages::blend::cpu::{Band, PictureNoise, around as blend_around, bands, mean_colours};
+use crate::stages::firefly::cpu::median;
 use crate::window::{Features, HalfRows, Rows};
 use fearless_simd::{Simd, dispatch, f32x16, prelude::*};
 use half::slice::HalfFloatSliceExt;
@@ -26,6 +28,7 @@ pub(crate) fn signature(features: &Features, picture: &Plane<Rgb>) -> Rows {
     let mut out = Rows::new(size, channels);
     for rows in bands(size.height) {
         let wide = mean_colours(picture, super::WIDE, &rows);
+        let sums = padded_sums(picture, &rows);
         par::rows(&mut out.data_mut()[channels * rows.start * w..channels * rows.end * w], channels * w, |y, row| {
             let y = rows.start + y;
             for x in 0..w {
@@ -38,9 +41,42 @@ pub(crate) fn signature(features: &Features, picture: &Plane<Rgb>) -> Rows {
                     }
                 }
             }
+            let around = [y.saturating_sub(1), y, (y + 1).min(size.height - 1)].map(|y| sums.row(y, 0));
+            dispatch!(crate::simd::level(), simd => brightness(simd, &around, &mut row[BRIGHTNESS * w..]));
         });
     }
     out
+}
+
+/// Red + green + blue of these rows and those around, with a pixel more at either end: beyond the border the border counts.
+fn padded_sums(picture: &Plane<Rgb>, rows: &Range<usize>) -> Band {
+    let (w, h) = (picture.size().width, picture.size().height);
+    Band::filled(&blend_around(rows, 1, h), w + 2, 1, |y, out| {
+        for (out, colour) in out[1..=w].iter_mut().zip(picture.row(y)) {
+            *out = colour[0] + colour[1] + colour[2];
+        }
+        (out[0], out[w + 1]) = (out[1], out[w]);
+    })
+}
+
+/// A row of the brightness of signatures, of the padded rows above, here and below.
+#[inline(always)]
+fn brightness<S: Simd>(_: S, around: &[&[f32]; 3], out: &mut [f32]) {
+    let w = out.len();
+    let [above, here, below] = [&around[0][..w + 2], &around[1][..w + 2], &around[2][..w + 2]];
+    for x in 0..w {
+        out[x] = log_brightness(median([
+            above[x],
+            above[x + 1],
+            above[x + 2],
+            here[x],
+            here[x + 1],
+            here[x + 2],
+            below[x],
+            below[x + 1],
+            below[x + 2],
+        ]));
+    }
 }
 
 /// As [`super::reference::run`] with the net.
@@ -167,7 +203,7 @@ impl<'a> Joint<'a> {
             } else {
                 self.sums_around::<true, _>(simd, (x, y), &lanes)
             };
-            self.add_in_time(simd, (x, y), count, &lanes, &mut sums);
+            self.add_in_time(simd, (x, y), count, &mut lanes, &mut sums);
             let [red, green, blue, alpha, total] = &sums;
             for i in 0..count {
                 let own = mixed(here.picture.at(x + i, y), here.input.at(x + i, y), lanes.raw[i]);
@@ -242,8 +278,8 @@ impl<'a> Joint<'a> {
                 }
                 let at = |c: usize| load::<EDGE, _>(simd, self.around.row(qy as usize, c), x as isize + dx);
                 // The order of `distance`.
-                let mut squares = [zero; super::SIGNATURE];
-                for c in 0..super::SIGNATURE {
+                let mut squares = [zero; COMPARED];
+                for c in 0..COMPARED {
                     let d = own[c] - at(c);
                     squares[c] = parts[c / 3] * (d * d);
                 }
@@ -284,10 +320,15 @@ impl<'a> Joint<'a> {
         simd: S,
         (x, y): (usize, usize),
         count: usize,
-        lanes: &Lanes,
+        lanes: &mut Lanes,
         sums: &mut [[f32; BLOCK]; 5],
     ) {
         let here = &self.window[self.centre];
+        let (mut places, mut met) = ([const { Found::NONE }; MOST_PLACES], 0);
+        for i in 0..count {
+            lanes.shown[i] = Shown::new(self.around.row(y, BRIGHTNESS)[x + i]);
+            lanes.shown[i].add(here.input.at(x + i, y));
+        }
         for forward in [false, true] {
             if forward && !self.gather.future {
                 continue;
@@ -307,8 +348,8 @@ impl<'a> Joint<'a> {
                     (self.centre + 1 - away, self.centre - away)
                 };
                 let other = &self.window[frame];
-                let Some(signatures) = other.signature else { break };
-                let mut found = Found::default();
+                let Some(found) = places.get_mut(met).filter(|_| other.signature.is_some()) else { break };
+                (found.frame, found.away) = (frame, away);
                 for i in 0..count {
                     let Some(track) = &mut tracks[i] else { continue };
                     if track.step(self.window[from].features, other.features, forward).is_none() {
@@ -319,19 +360,30 @@ impl<'a> Joint<'a> {
                     let (column, row) = (track.at.0.round() as isize, track.at.1.round() as isize);
                     found.places[i] = (column - i as isize, row);
                     found.lanes |= 1 << i;
-                }
-                // Those that moved alike at once.
-                while found.lanes != 0 {
-                    let place = found.places[found.lanes.trailing_zeros() as usize];
-                    let mut alike = [0.0; BLOCK];
-                    for i in 0..count {
-                        if found.lanes >> i & 1 == 1 && found.places[i] == place {
-                            alike[i] = 1.0;
-                            found.lanes &= !(1 << i);
-                        }
+                    if let Some(row) = other.features.row_here(row) {
+                        lanes.shown[i].add(other.input.at(column as usize, row));
                     }
-                    self.add_alike(simd, ((x, y), place), (other, signatures, away), (&found.at, &alike), lanes, sums);
                 }
+                met += 1;
+            }
+        }
+        for i in 0..count {
+            (lanes.low[i], lanes.high[i]) = lanes.shown[i].range(self.settings);
+        }
+        for found in &mut places[..met] {
+            // Those that moved alike at once.
+            while found.lanes != 0 {
+                let place = found.places[found.lanes.trailing_zeros() as usize];
+                let mut alike = [0.0; BLOCK];
+                for i in 0..count {
+                    if found.lanes >> i & 1 == 1 && found.places[i] == place {
+                        alike[i] = 1.0;
+                        found.lanes &= !(1 << i);
+                    }
+                }
+                let (other, at) = (&self.window[found.frame], &found.at);
+                let Some(signatures) = other.signature else { continue };
+                self.add_alike(simd, ((x, y), place), (other, signatures, found.away), (at, &alike), lanes, sums);
             }
         }
     }
@@ -379,6 +431,7 @@ impl<'a> Joint<'a> {
         let by_distance = f32x16::from_slice(simd, &lanes.offset[1]);
         let between = f32x16::from_slice(simd, &lanes.away) * (away - 1) as f32;
         let channels = if self.has_alpha { 4 } else { 3 };
+        let (low, high) = (f32x16::from_slice(simd, &lanes.low), f32x16::from_slice(simd, &lanes.high));
         let raw = f32x16::from_slice(simd, &lanes.raw);
         let own_colour = self.colours::<EDGE, _>(simd, (x as isize, y), raw);
         let mut sum = [zero; 5];
@@ -408,8 +461,8 @@ impl<'a> Joint<'a> {
             let off_y = f32x16::splat(simd, (place.1 + dy) as f32) - at_y;
             for dx in -R..=R {
                 let column = place.0 + dx;
-                let mut squares = [zero; super::SIGNATURE];
-                for c in 0..super::SIGNATURE {
+                let mut squares = [zero; COMPARED];
+                for c in 0..COMPARED {
                     let kept = load_halves::<EDGE, _>(simd, signatures.row(row, c), column);
                     let d = own[c] - if c < BOUNDED { kept * kept.abs() } else { kept };
                     squares[c] = parts[c / 3] * (d * d);
@@ -422,7 +475,9 @@ impl<'a> Joint<'a> {
                 let distance = (four[0] + four[2]) + (four[1] + four[3]);
                 let off_x = (lane + column as f32) - at_x;
                 let offset = off_x * off_x + off_y * off_y;
-                let weight = exp2(simd, -(distance + by_distance * offset + between));
+                let there = load_halves::<EDGE, _>(simd, signatures.row(row, BRIGHTNESS), column);
+                let beyond = (there - high).max(low - there).max(zero);
+                let weight = exp2(simd, -(distance + by_distance * offset + between + beyond));
                 let weight = alike.select(weight, zero);
                 let weight = if EDGE {
                     let inside: f32x16<S> = inside(column, w).simd_into(simd);
@@ -512,16 +567,29 @@ struct Lanes {
     offset: [[f32; BLOCK]; 2],
     away: [f32; BLOCK],
     raw: [f32; BLOCK],
+    shown: [Shown; BLOCK],
+    /// Their ranges.
+    low: [f32; BLOCK],
+    high: [f32; BLOCK],
 }
 
+/// Most other frames: those of `stabilise.frames` on either side.
+const MOST_PLACES: usize = 16;
+
 /// Where sixteen pixels lie in another frame.
-#[derive(Default)]
 struct Found {
+    frame: usize,
+    /// Frames between.
+    away: usize,
     at: [[f32; BLOCK]; 2],
     /// Of the i-th the pixel nearest to it, less i columns.
     places: [(isize, isize); BLOCK],
     /// Bit i: it was found.
     lanes: u32,
+}
+
+impl Found {
+    const NONE: Self = Self { frame: 0, away: 0, at: [[0.0; BLOCK]; 2], places: [(0, 0); BLOCK], lanes: 0 };
 }
 
 const LANE: [f32; BLOCK] = [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0, 10.0, 11.0, 12.0, 13.0, 14.0, 15.0];

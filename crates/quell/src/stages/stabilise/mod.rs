@@ -5,15 +5,21 @@
 //! | reads | filtered pictures, the same as they came, and coverage of the frames around, their depth, motion, and what mirrors show |
 //! | writes | the steadier picture, and its coverage |
 //! | reach | `stabilise.frames` frames before and after; 10 pixels in a frame: the windows of the statistics that the net reads, as in `blend`; 2 rows where motion is rounded |
-//! | equation | out_p = sum_q w_q (c_q + g i_q - g c_q) / sum_q w_q; log2 w_q = -(sum_i b_i \|f_i(p) - f_i(q)\|^2 + b_d d^2 + b_t (t - 1)); w_p = 1 |
+//! | equation | out_p = sum_q w_q (c_q + g i_q - g c_q) / sum_q w_q; log2 w_q = -(sum_i b_i \|f_i(p) - f_i(q)\|^2 + b_d d^2 + b_t (t - 1) + b_l); w_p = 1 |
 //! | q | 5x5 pixels of the frame, 3x3 of each of the others around the place where the motion of what is in front leads (d: distance from it, t: frames between) |
 //! | c, i | the filtered picture and the same as it came; g: share of the latter, near 0 where samples are few |
 //! | f | `Signature`; b, g: `Bandwidths`, of two nets |
+//! | b_l | 0 in the frame; max(0, l(q) - high, low - l(q)) in others; l: log2 of the median in 3x3 of the filtered picture's red + green + blue |
+//! | low, high | least and most of l(p) and of the same sum of p's input in every frame where p was found, less and plus log2 `contrast` |
 //! | source | bandwidths of a cross-bilateral filter from a net on local statistics: Kalantari et al. 2015; over time, with statistics of the noise: ours, `docs/sequence.md` |
 //! | parameters | `stabilise.*`, `gather.travel`, `gather.future` |
 //!
 //! So pixels that mix surfaces (wires, leaves, silhouettes) are averaged along themselves, where no feature buffer of a single surface
 //! leads, and what the wavelet decided differently from frame to frame evens out.
+//!
+//! The noise that the nets read is relative to the brightness over 11x11 pixels. Beside a lamp most of it is the wavelet's own blur of
+//! the lamp, and in a frame where motion misses by a pixel the lamp would be averaged in. So a tap of another frame counts less where
+//! it is brighter, or darker, than anything that the pixel itself ever showed; noisy inputs show a wide range, and refuse nothing.
 //!
 //! Without the net (`stabilise.net=off`) neighbours in time alone are averaged, each fetched along the motion of what is in front by
 //! a cubic and limited to the picture's own range in 3x3. It reaches 6 pixels: 3 of the cubic, 1 of the range, 2 of what is in front
@@ -42,7 +48,7 @@ use crate::par;
 use crate::plane::Plane;
 use crate::reach::Reach;
 use crate::sequence::settings::Stabilise;
-use crate::stages::blend::{self, BlendFrame, Pooled, exp2};
+use crate::stages::blend::{self, BlendFrame, Pooled, exp2, log2};
 use crate::window::{Features, HalfRows, Rows};
 
 /// What a filtered picture shows without its noise: by it a neighbour in time counts. Made once a frame.
@@ -90,16 +96,23 @@ pub(crate) fn seen_difference(here: &Features, p: usize, other: &Features, q: us
     (0..3).map(|c| (a[c] - b[c]).powi(2)).sum()
 }
 
+/// How many numbers of a signature have bandwidths.
+pub(crate) const COMPARED: usize = 12;
 /// How many numbers the net's form compares two pixels by.
-pub const SIGNATURE: usize = 12;
+pub const SIGNATURE: usize = COMPARED + 1;
 /// What the net's form compares two pixels by, three numbers each: the picture smoothed by a binomial 3x3; its mean over 5x5 (of the
 /// pixel that is averaged, the input's mean: an independent judge); of the albedo and of the normal seen there the means over 3x3,
-/// since those of a pixel are as noisy as its light where surfaces mix.
+/// since those of a pixel are as noisy as its light where surfaces mix. Last the [`log_brightness`] of the
+/// median in 3x3 of the picture.
 pub type Signature = [f32; SIGNATURE];
 /// Where the mean over 5x5 lies.
 pub(crate) const INPUT: std::ops::Range<usize> = 3..6;
+/// Where the logarithm of the brightness lies.
+pub(crate) const BRIGHTNESS: usize = COMPARED;
 /// Parts of a signature that have a bandwidth each.
-pub(crate) const PARTS: usize = SIGNATURE / 3;
+pub(crate) const PARTS: usize = COMPARED / 3;
+/// What is darker counts as this.
+const DARK: f32 = 1e-6;
 /// Half the side of the window whose mean is compared.
 pub(crate) const WIDE: usize = 2;
 /// Half the side of the window of taps in the frame itself, and in other frames.
@@ -129,6 +142,12 @@ pub(crate) fn normal_at(features: &Features, p: usize) -> [f32; 3] {
 #[inline(always)]
 pub(crate) fn albedo_around(features: &Features, p: usize) -> Rgb {
     features.albedo_around.as_ref().map_or([0.0; 3], |albedo| albedo.at(0, p))
+}
+
+/// log2 of red + green + blue, or of its median.
+#[inline(always)]
+pub(crate) fn log_brightness(sum: f32) -> f32 {
+    log2(if sum > DARK { sum } else { DARK })
 }
 
 /// Squared differences, part by part.
@@ -189,8 +208,8 @@ pub(crate) fn mixed(filtered: Rgb, input: Rgb, raw: f32) -> Rgb {
 /// Sum of squared differences times the bandwidth of their part, in a fixed order.
 #[inline(always)]
 pub(crate) fn distance(a: &Signature, b: &Signature, parts: &[f32; PARTS]) -> f32 {
-    let mut p = [0.0f32; SIGNATURE];
-    for k in 0..SIGNATURE {
+    let mut p = [0.0f32; COMPARED];
+    for k in 0..COMPARED {
         let d = a[k] - b[k];
         p[k] = parts[k / 3] * (d * d);
     }
@@ -227,17 +246,52 @@ pub(crate) fn signature_at(signatures: &HalfRows, x: usize, y: usize) -> Signatu
     std::array::from_fn(|c| restored(c, signatures.at(x, y, c)))
 }
 
-/// The weight of a tap.
-pub(crate) fn tap_weight(b: &Bandwidths, own: &Signature, tap: (&Signature, f32, usize)) -> f32 {
-    exp2(tap_power(b, own, tap))
+/// Range of brightness that a pixel showed, in [`log_brightness`].
+#[derive(Clone, Copy, Default)]
+pub(crate) struct Shown {
+    low: f32,
+    high: f32,
 }
 
-/// Its logarithm.
-#[inline(always)]
-fn tap_power(b: &Bandwidths, own: &Signature, (signature, offset, away): (&Signature, f32, usize)) -> f32 {
+impl Shown {
+    /// Of its own picture, by the signature.
+    #[inline(always)]
+    pub(crate) fn new(own: f32) -> Self {
+        Self { low: own, high: own }
+    }
+
+    /// Widened by its input in one of the frames.
+    #[inline(always)]
+    pub(crate) fn add(&mut self, input: Rgb) {
+        let shown = log_brightness(input[0] + input[1] + input[2]);
+        self.low = if shown < self.low { shown } else { self.low };
+        self.high = if shown > self.high { shown } else { self.high };
+    }
+
+    /// The range in which taps of other frames count whole.
+    #[inline(always)]
+    pub(crate) fn range(&self, s: &Stabilise) -> (f32, f32) {
+        let contrast = log2(s.contrast);
+        (self.low - contrast, self.high + contrast)
+    }
+}
+
+/// The weight of a tap: its signature, squared distance and frames between, of a pixel that showed what lies from `low` to `high`.
+pub(crate) fn tap_weight(
+    b: &Bandwidths,
+    own: &Signature,
+    (low, high): (f32, f32),
+    (signature, offset, away): (&Signature, f32, usize),
+) -> f32 {
     let group = usize::from(away > 0);
-    let between = if away > 0 { b.away * (away - 1) as f32 } else { 0.0 };
-    -(distance(own, signature, &b.parts[group]) + b.offset[group] * offset + between)
+    let distance = distance(own, signature, &b.parts[group]) + b.offset[group] * offset;
+    let in_time = if away > 0 {
+        let brightness = signature[BRIGHTNESS];
+        b.away * (away - 1) as f32 + (brightness - high).max(low - brightness).max(0.0)
+    } else {
+        0.0
+    };
+    exp2(-(distance + in_time))
 }
 
 /// Pixels read within a frame: the cubic, the range in 3x3, what is in front in 3x3 before and after motion.

@@ -1,8 +1,8 @@
 //! The specification of `stabilise`.
 
 use super::{
-    INPUT, LEAST_NOISE, Likeness, POOL, SIGNATURE, StabiliseFrame, TAPS_AROUND, TAPS_IN_TIME, WIDE, albedo_around,
-    bandwidths, mixed, normal_at, seen_difference, signature_at, tap_weight,
+    BRIGHTNESS, INPUT, LEAST_NOISE, Likeness, POOL, SIGNATURE, Shown, StabiliseFrame, TAPS_AROUND, TAPS_IN_TIME, WIDE,
+    albedo_around, bandwidths, log_brightness, mixed, normal_at, seen_difference, signature_at, tap_weight,
 };
 use crate::frame::Rgb;
 use crate::kernels::guide_distance::weight;
@@ -63,11 +63,11 @@ fn joint(
     let here = &window[centre];
     let (w, h) = (here.picture.size().width, here.picture.size().height);
     let frames: Vec<_> = window.iter().map(BlendFrame::from).collect();
-    let (pooled, brightness) = blend::reference::pooled(&frames, centre, here.picture, (gather, s));
+    let (pooled, scale) = blend::reference::pooled(&frames, centre, here.picture, (gather, s));
     let every_alpha = window.iter().all(|frame| frame.alpha.is_some());
     let (mut picture, mut alpha) = (here.picture.clone(), here.alpha.cloned());
     for (x, y) in (0..h).flat_map(|y| (0..w).map(move |x| (x, y))) {
-        let bandwidths = bandwidths(&(pooled.at(x, y), 1.0 / brightness.at(x, y) as f32));
+        let bandwidths = bandwidths(&(pooled.at(x, y), 1.0 / scale.at(x, y) as f32));
         let mut own = here.signature.map_or([0.0; SIGNATURE], |signature| signature_at(signature, x, y));
         let judge = window_mean(here.input.size(), WIDE, (x, y), |q| here.input.data()[q]);
         own[INPUT].copy_from_slice(&judge.map(|v| v as f32));
@@ -75,6 +75,14 @@ fn joint(
         let mut places = vec![(centre, [x as f32, (here.features.first_row + y) as f32], TAPS_AROUND, 0)];
         let visits = visits(window, centre, (x, y), gather, s);
         places.extend(visits.iter().map(|v| (v.frame, v.at, TAPS_IN_TIME, v.frame.abs_diff(centre))));
+        let mut shown = Shown::new(own[BRIGHTNESS]);
+        for (frame, at, ..) in &places {
+            let (other, column, row) = (&window[*frame], at[0].round() as usize, at[1].round() as isize);
+            if let Some(row) = other.features.row_here(row) {
+                shown.add(other.input.at(column, row));
+            }
+        }
+        let shown = shown.range(s);
         let (mut sum, mut total) = ([0.0f64; 4], 0.0f64);
         for (frame, at, radius, away) in places {
             let other = &window[frame];
@@ -89,7 +97,7 @@ fn joint(
                 let offset = (qx as f32 - at[0]).powi(2) + (qy as f32 - at[1]).powi(2);
                 let itself = frame == centre && q == y * w + x;
                 let tap = (&signature_at(signatures, qx as usize, here_row), offset, away);
-                let weight = if itself { 1.0 } else { f64::from(tap_weight(&bandwidths, &own, tap)) };
+                let weight = if itself { 1.0 } else { f64::from(tap_weight(&bandwidths, &own, shown, tap)) };
                 let colour = mixed(other.picture.data()[q], other.input.data()[q], bandwidths.raw);
                 for c in 0..3 {
                     sum[c] += weight * f64::from(colour[c]);
@@ -125,6 +133,11 @@ pub fn signature(features: &Features, picture: &Plane<Rgb>) -> Rows {
         let normal = window_mean(size, 1, (x, y), |q| normal_at(features, q));
         let parts = [near, wide, albedo, normal];
         parts.iter().flatten().enumerate().for_each(|(c, value)| out.set(x, y, c, *value as f32));
+        let offsets = (-1..=1isize).flat_map(|dy| (-1..=1isize).map(move |dx| (dx, dy)));
+        let around = offsets.map(|(dx, dy)| picture.at(clamped(x, dx, size.width), clamped(y, dy, size.height)));
+        let mut sums: Vec<f32> = around.map(|colour| colour.iter().sum()).collect();
+        sums.sort_by(f32::total_cmp);
+        out.set(x, y, BRIGHTNESS, log_brightness(sums[4]));
     }
     out
 }
