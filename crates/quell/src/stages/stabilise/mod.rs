@@ -304,3 +304,36 @@ pub(crate) fn reach(s: &Stabilise) -> Reach {
     let pixels = if s.net { WINDOW.max(blend::statistics_reach()) } else { WINDOW };
     Reach { frames: s.frames, footprint: FOOTPRINT, ..Reach::around(pixels) }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn taps_of_other_frames_count_whole_within_what_the_pixel_showed() {
+        let settings = Stabilise { contrast: 2.0, ..Stabilise::default() };
+        let signature = |sum: f32| -> Signature {
+            let mut signature = [0.0; SIGNATURE];
+            signature[BRIGHTNESS] = log_brightness(sum);
+            signature
+        };
+        let own = signature(0.4);
+        let mut shown = Shown::new(own[BRIGHTNESS]);
+        for input in [[0.1, 0.1, 0.0], [0.2, 0.2, 0.4]] {
+            shown.add(input);
+        }
+        let weight = |sum: f32, away: usize| {
+            tap_weight(&Bandwidths::default(), &own, shown.range(&settings), (&signature(sum), 0.0, away))
+        };
+        let near = |a: f32, b: f32| (a - b).abs() <= 1e-3 * b;
+        // It showed 0.2 to 0.8: taps from 0.1 to 1.6 count whole.
+        assert!([0.11, 0.4, 1.5].into_iter().all(|sum| near(weight(sum, 1), 1.0)));
+        assert!(near(weight(16.0, 1), 0.1) && near(weight(0.01, 2), 0.1), "{} {}", weight(16.0, 1), weight(0.01, 2));
+        // In the frame itself the signatures alone decide.
+        assert!(near(weight(16.0, 0), 1.0));
+        // Dark inputs refuse nothing darker.
+        shown.add([0.0; 3]);
+        let (low, _) = shown.range(&settings);
+        assert!(low < log_brightness(0.0));
+    }
+}
