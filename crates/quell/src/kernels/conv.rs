@@ -96,11 +96,14 @@ impl ConvNet {
             let read = inputs(begin..row_of(wider.end - 1) + 1);
             // What is read, made standard.
             let standard = |y: usize, c: usize, from: usize, out: &mut [f32]| {
-                let row = read.row(row_of(y) - begin, c);
-                for (x, out) in out.iter_mut().enumerate() {
-                    let value = (row[(from + x).min(size.width - 1)] - self.mean[c]) * self.scale[c];
-                    *out = value.clamp(-MOST_INPUT, MOST_INPUT);
+                let row = &read.row(row_of(y) - begin, c)[from.min(size.width - 1)..];
+                let (mean, scale) = (self.mean[c], self.scale[c]);
+                let there = row.len().min(out.len());
+                for (out, value) in out.iter_mut().zip(row) {
+                    *out = ((value - mean) * scale).clamp(-MOST_INPUT, MOST_INPUT);
                 }
+                let border = out[there - 1];
+                out[there..].fill(border);
             };
             let before = first.rows(whole, wider.clone(), standard, true);
             second.fill(whole, rows, from_row(&before, wider.start), true, out);

@@ -1,7 +1,7 @@
 //! Sixteen pixels of a row on lanes.
 
 use super::halves::{widen, widen_eight};
-use fearless_simd::{Simd, f32x16, i32x16, prelude::*};
+use fearless_simd::{Simd, f32x16, i32x16, prelude::*, u32x16};
 use half::f16;
 
 /// Pixels of a row that filters work on at once, through all taps: their sums stay in registers.
@@ -112,6 +112,17 @@ pub(crate) fn exp2<S: Simd>(simd: S, x: f32x16<S>) -> f32x16<S> {
     scale.bitcast::<f32x16<S>>() * p
 }
 
+/// [`log2`](crate::stages::blend::log2) on lanes, to the bit.
+#[inline(always)]
+pub(crate) fn log2<S: Simd>(simd: S, x: f32x16<S>) -> f32x16<S> {
+    let bits = x.bitcast::<u32x16<S>>();
+    let exponent = (bits >> 23).bitcast::<i32x16<S>>() - i32x16::splat(simd, 127);
+    let mantissa = (bits & u32x16::splat(simd, 0x007f_ffff)) | u32x16::splat(simd, 0x3f80_0000);
+    let m = mantissa.bitcast::<f32x16<S>>() - 1.0;
+    let p = (m - 1.0) * (m * (m * (m * 0.044_004_7 - 0.146_314_3) + 0.266_029_9) - 0.441_740_3) + 1.0;
+    exponent.to_float::<f32x16<S>>() + m * p
+}
+
 /// Of the columns from `at` on: 1 where they lie in a row of `w`, else 0.
 #[cold]
 pub(crate) fn inside(at: isize, w: usize) -> [f32; BLOCK] {
@@ -137,6 +148,20 @@ mod tests {
                 for (found, x) in found.into_iter().zip(some) {
                     let expected = crate::stages::blend::exp2(*x);
                     assert!(found.to_bits() == expected.to_bits() || x.is_nan() && found.is_nan(), "{x}");
+                }
+            }
+        });
+    }
+
+    #[test]
+    fn logarithms_have_the_bits_of_one_lane() {
+        let values: Vec<f32> = (1..900).map(|i| (i as f32 * 0.1 - 45.0).exp() * (1.0 + 0.003 * i as f32)).collect();
+        let values: Vec<f32> = values.into_iter().chain([1.0, f32::MAX, f32::INFINITY, 1e-40, 0.0]).collect();
+        fearless_simd::dispatch!(crate::simd::level(), simd => {
+            for some in values.chunks(BLOCK) {
+                let found: [f32; BLOCK] = log2(simd, load::<true, _>(simd, some, 0)).into();
+                for (found, x) in found.into_iter().zip(some) {
+                    assert_eq!(found.to_bits(), crate::stages::blend::log2(*x).to_bits(), "{x}");
                 }
             }
         });

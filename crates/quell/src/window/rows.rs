@@ -100,6 +100,14 @@ impl HalfRows {
         &self.data[(y * self.channels + c) * self.size.width..][..self.size.width]
     }
 
+    /// All channels of row `y`, one after the other.
+    #[inline(always)]
+    #[cfg(feature = "cpu")]
+    pub(crate) fn channels_of(&self, y: usize) -> &[f16] {
+        let length = self.channels * self.size.width;
+        &self.data[y * length..][..length]
+    }
+
     /// Value of channel `c` at a pixel.
     pub(crate) fn at(&self, x: usize, y: usize, c: usize) -> f32 {
         self.row(y, c)[x].to_f32()

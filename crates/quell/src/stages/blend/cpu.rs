@@ -2,11 +2,12 @@
 //! row at once.
 
 use super::{
-    Blend, BlendFrame, DIRECTIONS, FRAMES, HIGH_PASS, LEAST_BRIGHTNESS, MOST_CHANGE, NEAR, NOISE_NEAR, NOISE_WIDE,
-    Pooled, READ, SECOND_DIFFERENCE, WIDE, by_thresholds, drawn_back, follow, net, read, shares, silhouette,
+    Blend, BlendFrame, DIRECTIONS, FRAMES, HIGH_PASS, INPUTS, LEAST, LEAST_BRIGHTNESS, LEAST_SEEN, MOST_CHANGE,
+    MOST_RATIO, NEAR, NOISE_NEAR, NOISE_WIDE, Pooled, READ, SECOND_DIFFERENCE, WIDE, by_thresholds, drawn_back, follow,
+    net, shares,
 };
 use crate::frame::Rgb;
-use crate::kernels::lanes::{BLOCK, load, store, whole};
+use crate::kernels::lanes::{BLOCK, load, log2, store, whole};
 use crate::kernels::math::three;
 use crate::par;
 use crate::plane::{Plane, Size};
@@ -62,6 +63,13 @@ impl Band {
         self.rows.row(y - self.first, c)
     }
 
+    /// All channels of row `y`, one after the other.
+    #[inline(always)]
+    pub(crate) fn channels(&self, y: usize) -> &[f32] {
+        let length = self.rows.channels() * self.width();
+        &self.rows.data()[(y - self.first) * length..][..length]
+    }
+
     #[inline(always)]
     fn at(&self, x: usize, y: usize, c: usize) -> f32 {
         self.row(y, c)[x]
@@ -88,16 +96,16 @@ pub(crate) fn run(
     let mut shares_of = Plane::filled(size, [0.0; 3]);
     let mut expected = Plane::filled(size, 0.0);
     let mut known = Plane::filled(size, Known::default());
-    let edges = |y: usize| -> Vec<bool> { (0..w).map(|x| silhouette(here.features, x, y, stabilise.nearer)).collect() };
     if s.net {
         let said = net().run(size, here.features.first_row, |rows| {
-            let noise = PictureNoise::new(window, centre, steady, gather, rows.clone());
+            let noise = PictureNoise::new(window, centre, steady, (gather, stabilise.nearer), rows.clone());
             let known = &mut known.data_mut()[rows.start * w..rows.end * w];
-            par::rows(known, w, |y, known| widest!(noise.known_row(rows.start + y, s, known)));
+            par::rows(known, w, |y, known| {
+                dispatch!(crate::simd::level(), simd => noise.known_row(simd, rows.start + y, s, known));
+            });
             let mut read = Rows::new(Size::new(w, rows.len()), READ);
             par::rows(read.data_mut(), READ * w, |y, out| {
-                let y = rows.start + y;
-                widest!(read_row(&noise, (here, steady), y, &edges(y), out));
+                dispatch!(crate::simd::level(), simd => read_row(simd, &noise, (here, steady), rows.start + y, out));
             });
             read
         });
@@ -106,15 +114,17 @@ pub(crate) fn run(
         });
     } else {
         for rows in bands(h) {
-            let noise = PictureNoise::new(window, centre, steady, gather, rows.clone());
+            let noise = PictureNoise::new(window, centre, steady, (gather, stabilise.nearer), rows.clone());
             let pixels = rows.start * w..rows.end * w;
             let known = &mut known.data_mut()[pixels.clone()];
-            par::rows(known, w, |y, known| noise.known_row(rows.start + y, s, known));
+            par::rows(known, w, |y, known| {
+                dispatch!(crate::simd::level(), simd => noise.known_row(simd, rows.start + y, s, known));
+            });
             let (shares_of, expected) =
                 (&mut shares_of.data_mut()[pixels.clone()], &mut expected.data_mut()[pixels.clone()]);
             par::two_rows(shares_of, w, expected, w, |y, shares_of, expected| {
-                for (x, edge) in edges(rows.start + y).into_iter().enumerate() {
-                    let pooled = noise.stats.at(x, rows.start + y, edge);
+                for x in 0..w {
+                    let (pooled, _) = noise.at(x, rows.start + y);
                     let (share, error) = by_thresholds(&pooled, s);
                     (shares_of[x], expected[x]) = (share, error * pooled.noise(1) / 3.0);
                 }
@@ -145,10 +155,10 @@ pub(crate) fn read_by_net(
     (gather, stabilise): (&Gather, &Stabilise),
 ) -> Plane<super::Read> {
     let here = &window[centre];
-    let noise = PictureNoise::new(window, centre, steady, gather, 0..here.input.size().height);
+    let noise = PictureNoise::new(window, centre, steady, (gather, stabilise.nearer), 0..here.input.size().height);
     Plane::from_fn(here.input.size(), |x, y| {
-        let (pooled, inverse) = noise.at(x, y, here.features, stabilise.nearer);
-        read(&pooled, [here.input.at(x, y), here.picture.at(x, y), steady.at(x, y)], inverse)
+        let (pooled, inverse) = noise.at(x, y);
+        super::read(&pooled, [here.input.at(x, y), here.picture.at(x, y), steady.at(x, y)], inverse)
     })
 }
 
@@ -161,29 +171,30 @@ pub(crate) fn inputs(
     (gather, stabilise): (&Gather, &Stabilise),
 ) -> (Plane<super::Inputs>, Plane<f32>) {
     let here = &window[centre];
-    let noise = PictureNoise::new(window, centre, steady, gather, 0..here.input.size().height);
-    let at = |x, y| noise.at(x, y, here.features, stabilise.nearer);
+    let noise = PictureNoise::new(window, centre, steady, (gather, stabilise.nearer), 0..here.input.size().height);
     let size = here.input.size();
     let squared = |x, y| {
-        let (pooled, inverse) = at(x, y);
+        let (pooled, inverse) = noise.at(x, y);
         pooled.noise(1) / (3.0 * inverse * inverse)
     };
-    (Plane::from_fn(size, |x, y| at(x, y).0.inputs()), Plane::from_fn(size, squared))
+    (Plane::from_fn(size, |x, y| noise.at(x, y).0.inputs()), Plane::from_fn(size, squared))
 }
 
 /// What is known of the noise of a frame's input, from its difference to filtered pictures; of some rows.
 pub(crate) struct PictureNoise {
     inverse: Band,
     stats: Statistics,
+    /// 1 where something stands in front within 3x3, else 0.
+    silhouettes: Band,
 }
 
 impl PictureNoise {
-    /// `steady`: another filtered picture, or again the wavelet's.
+    /// `steady`: another filtered picture, or again the wavelet's. `nearer`: that of `stabilise`.
     pub(crate) fn new(
         window: &[BlendFrame<'_>],
         centre: usize,
         steady: &Plane<Rgb>,
-        gather: &Gather,
+        (gather, nearer): (&Gather, f32),
         rows: Range<usize>,
     ) -> Self {
         let here = &window[centre];
@@ -201,14 +212,22 @@ impl PictureNoise {
             dispatch!(crate::simd::level(), simd => apart.squares_row(simd, &differences, inverse.row(y, 0), y, out));
         });
         drop(apart);
+        let silhouettes = silhouettes(here.features, nearer, &rows);
         let stats = Statistics::new(&differences, &squares, rows, size.height);
-        Self { inverse, stats }
+        Self { inverse, stats, silhouettes }
     }
 
     /// What is known at a pixel, and one over the brightness that it is relative to.
+    pub(crate) fn at(&self, x: usize, y: usize) -> (Pooled, f32) {
+        (self.stats.at(x, y, self.silhouettes.at(x, y, 0) > 0.0), self.inverse.at(x, y, 0))
+    }
+
+    /// [`Self::at`] for sixteen pixels from column `x` on. Beyond the end of the row all is 0.
     #[inline(always)]
-    pub(crate) fn at(&self, x: usize, y: usize, features: &Features, nearer: f32) -> (Pooled, f32) {
-        (self.stats.at(x, y, silhouette(features, x, y, nearer)), self.inverse.at(x, y, 0))
+    pub(crate) fn lanes<S: Simd>(&self, simd: S, (x, y): (usize, usize)) -> (PooledLanes<S>, f32x16<S>) {
+        let silhouette = load::<true, _>(simd, self.silhouettes.row(y, 0), x as isize);
+        let inverse = load::<true, _>(simd, self.inverse.row(y, 0), x as isize);
+        (self.stats.lanes(simd, (x, y), silhouette), inverse)
     }
 
     /// One over the brightness around a pixel.
@@ -218,12 +237,52 @@ impl PictureNoise {
     }
 
     #[inline(always)]
-    fn known_row(&self, y: usize, s: &Settings, out: &mut [Known]) {
-        let inverse = self.inverse.row(y, 0);
-        for (x, (out, inverse)) in out.iter_mut().zip(inverse).enumerate() {
-            let pooled = self.stats.at(x, y, false);
-            *out = Known { inverse: *inverse, noise: pooled.noise(1), least_noise: pooled.least_noise(s) };
+    fn known_row<S: Simd>(&self, simd: S, y: usize, s: &Settings, out: &mut [Known]) {
+        let mut x = 0;
+        for out in out.chunks_mut(BLOCK) {
+            let (pooled, inverse) = self.lanes(simd, (x, y));
+            let inverse: [f32; BLOCK] = inverse.into();
+            let noise: [f32; BLOCK] = pooled.noise(simd, 1).into();
+            let least_noise: [f32; BLOCK] = pooled.least_noise(simd, s).into();
+            for (i, out) in out.iter_mut().enumerate() {
+                *out = Known { inverse: inverse[i], noise: noise[i], least_noise: least_noise[i] };
+            }
+            x += BLOCK;
         }
+    }
+}
+
+/// 1 where something stands in front within 3x3, else 0: [`silhouette`](super::silhouette) of these rows.
+fn silhouettes(features: &Features, nearer: f32, rows: &Range<usize>) -> Band {
+    let (w, h) = (features.size.width, features.size.height);
+    // Of a pixel more at either end, and room for the last sixteen. Beyond the border the border counts: what is nearer in 3x3 stays so.
+    let depths = Band::filled(&around(rows, 1, h), w + 2 + BLOCK, 1, |y, out| {
+        for (out, surface) in out[1..=w].iter_mut().zip(&features.surface[y * w..][..w]) {
+            *out = surface.inverse_depth;
+        }
+        (out[0], out[w + 1]) = (out[1], out[w]);
+    });
+    Band::filled(rows, w, 1, |y, out| {
+        let lines = [y.saturating_sub(1), y, (y + 1).min(h - 1)].map(|y| depths.row(y, 0));
+        dispatch!(crate::simd::level(), simd => silhouettes_row(simd, &lines, nearer, out));
+    })
+}
+
+#[inline(always)]
+fn silhouettes_row<S: Simd>(simd: S, lines: &[&[f32]; 3], nearer: f32, out: &mut [f32]) {
+    let (zero, one) = (f32x16::splat(simd, 0.0), f32x16::splat(simd, 1.0));
+    for x in (0..out.len()).step_by(BLOCK) {
+        let own = load::<false, _>(simd, lines[1], x as isize + 1);
+        let limit = own * nearer;
+        let mut found = zero;
+        for dy in 0..3 {
+            for dx in 0..3 {
+                let other = load::<false, _>(simd, lines[dy], (x + dx) as isize);
+                let apart = other.simd_gt(limit) | own.simd_gt(other * nearer);
+                found = apart.select(one, found);
+            }
+        }
+        store(found, out, x);
     }
 }
 
@@ -439,7 +498,29 @@ impl Statistics {
         }
     }
 
+    /// [`Self::at`] for sixteen pixels from column `x` on.
     #[inline(always)]
+    fn lanes<S: Simd>(&self, simd: S, (x, y): (usize, usize), silhouette: f32x16<S>) -> PooledLanes<S> {
+        let of = |band: &Band, c: usize| load::<true, _>(simd, band.row(y, c), x as isize);
+        let mean = |k: usize| {
+            let [a, b, c] = [of(&self.means, 3 * k), of(&self.means, 3 * k + 1), of(&self.means, 3 * k + 2)];
+            a * a + b * b + c * c
+        };
+        let ([near, far], [space, far_space]) = ([&self.time[0], &self.time[1]], [&self.space[0], &self.space[1]]);
+        let (close, wide) = (&self.near, &self.wide);
+        PooledLanes {
+            over_time: [of(near, 0), of(far, 0)],
+            seen: [of(near, 1), of(far, 1)],
+            over_space: [of(space, 0), of(far_space, 0)],
+            input: [of(space, 1), of(far_space, 1)],
+            along: [of(&self.along, 0), of(&self.along, 1)],
+            apart: [of(close, 0), of(close, 1), of(close, 2), of(wide, 0), of(wide, 1), of(wide, 2)],
+            detail: [of(close, 3), of(close, 4)],
+            mean: [mean(0), mean(1), mean(2)],
+            silhouette,
+        }
+    }
+
     fn at(&self, x: usize, y: usize, silhouette: bool) -> Pooled {
         let mean = |k: usize| (0..3).map(|c| self.means.at(x, y, 3 * k + c)).map(|v| v * v).sum::<f32>();
         let [near, wide] = [&self.near, &self.wide].map(|rows| [0, 1, 2].map(|k| rows.at(x, y, k)));
@@ -457,20 +538,106 @@ impl Statistics {
     }
 }
 
+/// [`Pooled`] of sixteen pixels. What is no number counts as it does there.
+#[derive(Clone, Copy)]
+pub(crate) struct PooledLanes<S: Simd> {
+    over_time: [f32x16<S>; 2],
+    seen: [f32x16<S>; 2],
+    over_space: [f32x16<S>; 2],
+    input: [f32x16<S>; 2],
+    along: [f32x16<S>; 2],
+    apart: [f32x16<S>; 6],
+    pub detail: [f32x16<S>; 2],
+    mean: [f32x16<S>; 3],
+    silhouette: f32x16<S>,
+}
+
+impl<S: Simd> PooledLanes<S> {
+    /// [`Pooled::noise`].
+    #[inline(always)]
+    pub(crate) fn noise(&self, simd: S, wide: usize) -> f32x16<S> {
+        let space = self.over_space[wide].min_precise(self.input[wide]);
+        let time = (self.over_time[wide] / self.seen[wide]).min_precise(space);
+        let known = self.seen[wide].simd_gt(f32x16::splat(simd, LEAST_SEEN));
+        known.select(time, space).max_precise(f32x16::splat(simd, LEAST))
+    }
+
+    /// [`Pooled::least_noise`].
+    #[inline(always)]
+    fn least_noise(&self, simd: S, s: &Settings) -> f32x16<S> {
+        let [input, removed] = self.along;
+        let input = input.min_precise(self.input[0]);
+        let noise = self.noise(simd, 0).min_precise(removed).max_precise(input * s.guard_input);
+        noise.min_precise(input).max_precise(f32x16::splat(simd, LEAST))
+    }
+
+    /// [`Pooled::inputs`].
+    #[inline(always)]
+    pub(crate) fn inputs(&self, simd: S) -> [f32x16<S>; INPUTS] {
+        let of_noise = log2(simd, self.noise(simd, 1));
+        let ratio = |v: f32x16<S>| ratio(simd, v, of_noise);
+        let least = f32x16::splat(simd, LEAST_SEEN);
+        let mut time = self.over_space;
+        for k in 0..2 {
+            time[k] = self.seen[k].simd_gt(least).select(self.over_time[k] / self.seen[k], time[k]);
+        }
+        [
+            ratio(time[0]),
+            ratio(time[1]),
+            ratio(self.over_space[0]),
+            ratio(self.over_space[1]),
+            ratio(self.apart[0]),
+            ratio(self.apart[1]),
+            ratio(self.apart[2]),
+            ratio(self.apart[3]),
+            ratio(self.apart[4]),
+            ratio(self.apart[5]),
+            ratio(self.detail[0]),
+            ratio(self.detail[1]),
+            ratio(self.mean[0]),
+            ratio(self.mean[1]),
+            ratio(self.mean[2]),
+            self.seen[0],
+            self.silhouette,
+        ]
+    }
+}
+
+/// The logarithm of a ratio to the noise, whose logarithm is `of_noise`.
 #[inline(always)]
-fn read_row(
+fn ratio<S: Simd>(simd: S, v: f32x16<S>, of_noise: f32x16<S>) -> f32x16<S> {
+    let most = f32x16::splat(simd, MOST_RATIO);
+    let found = log2(simd, v.max_precise(f32x16::splat(simd, LEAST))) - of_noise;
+    found.max(-most).min(most)
+}
+
+/// A row of what the net reads: [`read`](super::read).
+#[inline(always)]
+fn read_row<S: Simd>(
+    simd: S,
     noise: &PictureNoise,
     (here, steady): (&BlendFrame<'_>, &Plane<Rgb>),
     y: usize,
-    edges: &[bool],
     out: &mut [f32],
 ) {
-    let w = edges.len();
-    for (x, edge) in edges.iter().enumerate() {
-        let candidates = [here.input.at(x, y), here.picture.at(x, y), steady.at(x, y)];
-        let values = read(&noise.stats.at(x, y, *edge), candidates, noise.inverse.at(x, y, 0));
-        for (c, value) in values.into_iter().enumerate() {
-            out[c * w + x] = value;
+    let candidates = [here.input.row(y), here.picture.row(y), steady.row(y)];
+    let w = candidates[0].len();
+    for x in (0..w).step_by(BLOCK) {
+        let (pooled, inverse) = noise.lanes(simd, (x, y));
+        for k in 0..3 {
+            let colours = &candidates[k][x..(x + BLOCK).min(w)];
+            for c in 0..3 {
+                let mut values = [0.0; BLOCK];
+                for (value, colour) in values.iter_mut().zip(colours) {
+                    *value = colour[c];
+                }
+                let v = f32x16::from_slice(simd, &values) * inverse;
+                store(v / (v.abs() + 1.0), &mut out[(3 * k + c) * w..][..w], x);
+            }
+        }
+        let inputs = pooled.inputs(simd);
+        for c in 0..INPUTS {
+            store(inputs[c], &mut out[(9 + c) * w..][..w], x);
         }
     }
 }
@@ -587,4 +754,85 @@ pub(crate) fn mean_colours(picture: &Plane<Rgb>, radius: usize, rows: &Range<usi
         }
     });
     pool(&channels, &[0, 1, 2], radius, rows, h)
+}
+
+#[cfg(test)]
+pub(crate) mod tests {
+    use super::*;
+
+    /// Statistics of sixteen pixels, some of them none, infinite or no number, and the same on lanes.
+    pub(crate) fn pooled<S: Simd>(simd: S, seed: u32) -> (Vec<Pooled>, PooledLanes<S>) {
+        let mut state = seed.wrapping_mul(2_654_435_761).wrapping_add(1);
+        let mut value = || {
+            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            let some = (state >> 8) as f32 / (1 << 24) as f32;
+            match state >> 8 & 63 {
+                0 => 0.0,
+                1 => f32::NAN,
+                2 => f32::INFINITY,
+                _ => (30.0 * (some - 0.7)).exp2(),
+            }
+        };
+        let mut one = Vec::new();
+        for i in 0..BLOCK {
+            let mut pooled = Pooled { silhouette: i % 3 == 0, ..Pooled::default() };
+            let Pooled { over_time, over_space, input, along, apart, detail, mean, .. } = &mut pooled;
+            for values in [&mut over_time[..], over_space, input, along, apart, detail, mean] {
+                values.fill_with(&mut value);
+            }
+            pooled.seen = [0.25 * (i % 5) as f32, 0.02 * i as f32];
+            one.push(pooled);
+        }
+        let lanes = |of: &dyn Fn(&Pooled) -> f32| -> f32x16<S> {
+            let values: [f32; BLOCK] = std::array::from_fn(|i| of(&one[i]));
+            values.simd_into(simd)
+        };
+        let lanes = PooledLanes {
+            over_time: [0, 1].map(|k| lanes(&|p| p.over_time[k])),
+            seen: [0, 1].map(|k| lanes(&|p| p.seen[k])),
+            over_space: [0, 1].map(|k| lanes(&|p| p.over_space[k])),
+            input: [0, 1].map(|k| lanes(&|p| p.input[k])),
+            along: [0, 1].map(|k| lanes(&|p| p.along[k])),
+            apart: [0, 1, 2, 3, 4, 5].map(|k| lanes(&|p| p.apart[k])),
+            detail: [0, 1].map(|k| lanes(&|p| p.detail[k])),
+            mean: [0, 1, 2].map(|k| lanes(&|p| p.mean[k])),
+            silhouette: lanes(&|p| f32::from(u8::from(p.silhouette))),
+        };
+        (one, lanes)
+    }
+
+    #[test]
+    fn statistics_of_sixteen_pixels_have_the_bits_of_one() {
+        let s = Settings::default();
+        dispatch!(crate::simd::level(), simd => {
+            for seed in 0..40 {
+                let (one, lanes) = pooled(simd, seed);
+                let inputs = lanes.inputs(simd);
+                let noise = [lanes.noise(simd, 0), lanes.noise(simd, 1), lanes.least_noise(simd, &s)];
+                for (i, pooled) in one.into_iter().enumerate() {
+                    let expected = [pooled.noise(0), pooled.noise(1), pooled.least_noise(&s)];
+                    for (found, expected) in noise.iter().zip(expected).chain(inputs.iter().zip(pooled.inputs())) {
+                        assert_eq!(found.as_slice()[i].to_bits(), expected.to_bits(), "{pooled:?}");
+                    }
+                }
+            }
+        });
+    }
+
+    /// Also at the ends of rows that are no multiple of sixteen.
+    #[test]
+    fn silhouettes_are_those_of_the_definition() {
+        let frame = crate::sequence::testing::frame(0, Size::new(37, 21));
+        let mut features = Features::new(&frame, &crate::sequence::SequenceSettings::default());
+        for (i, surface) in features.surface.iter_mut().enumerate() {
+            surface.inverse_depth = [1.0, 1.05, 1.3, 0.0, f32::NAN][i * i % 11 % 5];
+        }
+        for rows in [0..21, 5..9] {
+            let found = silhouettes(&features, 1.1, &rows);
+            for (x, y) in rows.flat_map(|y| (0..37).map(move |x| (x, y))) {
+                let expected = super::super::silhouette(&features, x, y, 1.1);
+                assert_eq!(found.at(x, y, 0) > 0.0, expected, "{x} {y}");
+            }
+        }
+    }
 }

@@ -2,13 +2,13 @@
 
 use super::cpu::Track;
 use super::{
-    BOUNDED, BRIGHTNESS, COMPARED, PARTS, Shown, StabiliseFrame, TAPS_AROUND, TAPS_IN_TIME, albedo_around, bandwidths,
-    log_brightness, mixed, normal_at, restored,
+    BOUNDED, BRIGHTNESS, BandwidthLanes, DARK, PARTS, StabiliseFrame, TAPS_AROUND, TAPS_IN_TIME, albedo_around,
+    bandwidth_lanes, log_brightness, normal_at, restored,
 };
 #[cfg(feature = "internals")]
 use super::{Signature, signature_at};
 use crate::frame::Rgb;
-use crate::kernels::lanes::{BLOCK, exp2, inside, load, load_halves, whole};
+use crate::kernels::lanes::{BLOCK, exp2, inside, load, load_halves, load_halves_within, load_within, log2, whole};
 use crate::par;
 use crate::plane::{Plane, Size};
 use crate::sequence::settings::{Gather, Stabilise};
@@ -17,7 +17,7 @@ use crate::stages::blend::cpu::{Band, PictureNoise, around as blend_around, band
 use crate::stages::firefly::cpu::median;
 use crate::window::{Features, HalfRows, Rows};
 use fearless_simd::{Simd, dispatch, f32x16, prelude::*};
-use half::slice::HalfFloatSliceExt;
+use half::{f16, slice::HalfFloatSliceExt};
 use std::ops::Range;
 
 /// As [`super::reference::signature`].
@@ -172,7 +172,7 @@ impl<'a> Joint<'a> {
             gather,
             settings,
             input: mean_colours(window[centre].input, super::WIDE, &rows),
-            noise: PictureNoise::new(&frames, centre, window[centre].picture, gather, rows),
+            noise: PictureNoise::new(&frames, centre, window[centre].picture, (gather, settings.nearer), rows),
         }
     }
 
@@ -185,32 +185,25 @@ impl<'a> Joint<'a> {
         }
         for x in (0..w).step_by(BLOCK) {
             let count = BLOCK.min(w - x);
-            let mut lanes = Lanes::default();
-            for i in 0..count {
-                let found = bandwidths(&self.noise.at(x + i, y, here.features, self.settings.nearer));
-                for group in 0..2 {
-                    for k in 0..PARTS {
-                        lanes.parts[group][k][i] = found.parts[group][k];
-                    }
-                    lanes.offset[group][i] = found.offset[group];
-                }
-                lanes.away[i] = found.away;
-                lanes.raw[i] = found.raw;
-            }
+            let lanes = bandwidth_lanes(simd, &self.noise.lanes(simd, (x, y)));
             let reach = TAPS_AROUND as isize;
             let mut sums = if whole(x as isize - reach, w) && whole(x as isize + reach, w) {
                 self.sums_around::<false, _>(simd, (x, y), &lanes)
             } else {
                 self.sums_around::<true, _>(simd, (x, y), &lanes)
             };
-            self.add_in_time(simd, (x, y), count, &mut lanes, &mut sums);
-            let [red, green, blue, alpha, total] = &sums;
-            for i in 0..count {
-                let own = mixed(here.picture.at(x + i, y), here.input.at(x + i, y), lanes.raw[i]);
-                row[x + i] = [own[0] + red[i] / total[i], own[1] + green[i] / total[i], own[2] + blue[i] / total[i]];
-                if let Some(coverage) = coverage.get_mut(x + i) {
-                    *coverage = here.alpha.map_or(0.0, |a| a.at(x + i, y)) + alpha[i] / total[i];
-                }
+            self.add_in_time(simd, (x, y), count, &lanes, &mut sums);
+            let own = self.colours::<true, _>(simd, (x as isize, y), lanes.raw);
+            let total = f32x16::from_slice(simd, &sums[4]);
+            let mut found = [[0.0; BLOCK]; 4];
+            for c in 0..4 {
+                (own[c] + f32x16::from_slice(simd, &sums[c]) / total).store_slice(&mut found[c]);
+            }
+            for (i, colour) in row[x..x + count].iter_mut().enumerate() {
+                *colour = [found[0][i], found[1][i], found[2][i]];
+            }
+            if let Some(coverage) = coverage.get_mut(x..x + count) {
+                coverage.copy_from_slice(&found[3][..count]);
             }
         }
     }
@@ -233,14 +226,15 @@ impl<'a> Joint<'a> {
     /// The colours that sixteen pixels of the frame bring, from column `x` on, where `raw` is the input's share; then coverage.
     #[inline(always)]
     fn colours<const EDGE: bool, S: Simd>(&self, simd: S, (x, y): (isize, usize), raw: f32x16<S>) -> [f32x16<S>; 4] {
-        let at = |c: usize| load::<EDGE, _>(simd, self.around.row(y, c), x);
+        let row = self.around.channels(y);
+        let w = self.window[self.centre].features.size.width;
         let mut found = [f32x16::splat(simd, 0.0); 4];
         for c in 0..3 {
-            let filtered = at(COLOUR + c);
-            found[c] = filtered + raw * (at(RAW + c) - filtered);
+            let filtered = channel::<EDGE, _>(simd, row, w, COLOUR + c, x);
+            found[c] = filtered + raw * (channel::<EDGE, _>(simd, row, w, RAW + c, x) - filtered);
         }
         if self.has_alpha {
-            found[3] = at(COVERAGE);
+            found[3] = channel::<EDGE, _>(simd, row, w, COVERAGE, x);
         }
         found
     }
@@ -251,20 +245,15 @@ impl<'a> Joint<'a> {
         &self,
         simd: S,
         (x, y): (usize, usize),
-        lanes: &Lanes,
+        lanes: &BandwidthLanes<S>,
     ) -> [[f32; BLOCK]; 5] {
         let here = &self.window[self.centre];
         let (w, h) = (here.features.size.width, here.features.size.height);
         let zero = f32x16::splat(simd, 0.0);
         let own = self.own::<EDGE, _>(simd, (x, y));
-        let mut parts = [zero; PARTS];
-        for k in 0..PARTS {
-            parts[k] = f32x16::from_slice(simd, &lanes.parts[0][k]);
-        }
-        let by_distance = f32x16::from_slice(simd, &lanes.offset[0]);
-        let raw = f32x16::from_slice(simd, &lanes.raw);
+        let parts = &lanes.parts[0];
+        let (by_distance, raw) = (lanes.offset[0], lanes.raw);
         let own_colour = self.colours::<EDGE, _>(simd, (x as isize, y), raw);
-        let channels = if self.has_alpha { 4 } else { 3 };
         let (mut sums, mut total) = ([zero; 4], f32x16::splat(simd, 1.0));
         let r = TAPS_AROUND as isize;
         for dy in -r..=r {
@@ -272,34 +261,26 @@ impl<'a> Joint<'a> {
             if qy < 0 || qy >= h as isize {
                 continue;
             }
+            let row = self.around.channels(qy as usize);
             for dx in -r..=r {
                 if (dx, dy) == (0, 0) {
                     continue;
                 }
-                let at = |c: usize| load::<EDGE, _>(simd, self.around.row(qy as usize, c), x as isize + dx);
-                // The order of `distance`.
-                let mut squares = [zero; COMPARED];
-                for c in 0..COMPARED {
-                    let d = own[c] - at(c);
-                    squares[c] = parts[c / 3] * (d * d);
-                }
-                let mut four = [zero; 4];
-                for k in 0..4 {
-                    four[k] = squares[k] + squares[k + 4] + squares[k + 8];
-                }
-                let distance = (four[0] + four[2]) + (four[1] + four[3]);
+                let there = Around::<EDGE> { row, w, x: x as isize + dx };
+                let distance = distance(simd, &there, &own, parts);
                 let offset = (dx * dx + dy * dy) as f32;
                 let weight = exp2(simd, -(distance + by_distance * offset));
                 let colour = self.colours::<EDGE, _>(simd, (x as isize + dx, qy as usize), raw);
                 if EDGE {
                     let inside: f32x16<S> = inside(x as isize + dx, w).simd_into(simd);
                     let inside = inside.simd_gt(zero);
-                    for c in 0..channels {
+                    for c in 0..4 {
                         sums[c] += inside.select(weight * (colour[c] - own_colour[c]), zero);
                     }
                     total += inside.select(weight, zero);
                 } else {
-                    for c in 0..channels {
+                    // Without coverage that is 0.
+                    for c in 0..4 {
                         sums[c] += weight * (colour[c] - own_colour[c]);
                     }
                     total += weight;
@@ -320,15 +301,17 @@ impl<'a> Joint<'a> {
         simd: S,
         (x, y): (usize, usize),
         count: usize,
-        lanes: &mut Lanes,
+        lanes: &BandwidthLanes<S>,
         sums: &mut [[f32; BLOCK]; 5],
     ) {
         let here = &self.window[self.centre];
         let (mut places, mut met) = ([const { Found::NONE }; MOST_PLACES], 0);
-        for i in 0..count {
-            lanes.shown[i] = Shown::new(self.around.row(y, BRIGHTNESS)[x + i]);
-            lanes.shown[i].add(here.input.at(x + i, y));
+        let mut own = [0.0; BLOCK];
+        for (sum, colour) in own.iter_mut().zip(&here.input.row(y)[x..x + count]) {
+            *sum = colour[0] + colour[1] + colour[2];
         }
+        let mut shown = ShownLanes::new(load::<true, _>(simd, self.around.row(y, BRIGHTNESS), x as isize));
+        shown.add(simd, &own);
         for forward in [false, true] {
             if forward && !self.gather.future {
                 continue;
@@ -350,6 +333,8 @@ impl<'a> Joint<'a> {
                 let other = &self.window[frame];
                 let Some(found) = places.get_mut(met).filter(|_| other.signature.is_some()) else { break };
                 (found.frame, found.away) = (frame, away);
+                // Where a pixel is lost its own input, which widens nothing any more.
+                let mut inputs = own;
                 for i in 0..count {
                     let Some(track) = &mut tracks[i] else { continue };
                     if track.step(self.window[from].features, other.features, forward).is_none() {
@@ -361,15 +346,16 @@ impl<'a> Joint<'a> {
                     found.places[i] = (column - i as isize, row);
                     found.lanes |= 1 << i;
                     if let Some(row) = other.features.row_here(row) {
-                        lanes.shown[i].add(other.input.at(column as usize, row));
+                        let colour = other.input.at(column as usize, row);
+                        inputs[i] = colour[0] + colour[1] + colour[2];
                     }
                 }
+                shown.add(simd, &inputs);
                 met += 1;
             }
         }
-        for i in 0..count {
-            (lanes.low[i], lanes.high[i]) = lanes.shown[i].range(self.settings);
-        }
+        let contrast = super::log2(self.settings.contrast);
+        let range = (shown.low - contrast, shown.high + contrast);
         for found in &mut places[..met] {
             // Those that moved alike at once.
             while found.lanes != 0 {
@@ -383,7 +369,14 @@ impl<'a> Joint<'a> {
                 }
                 let (other, at) = (&self.window[found.frame], &found.at);
                 let Some(signatures) = other.signature else { continue };
-                self.add_alike(simd, ((x, y), place), (other, signatures, found.away), (at, &alike), lanes, sums);
+                self.add_alike(
+                    simd,
+                    ((x, y), place),
+                    (other, signatures, found.away),
+                    (at, &alike),
+                    (lanes, range),
+                    sums,
+                );
             }
         }
     }
@@ -396,15 +389,29 @@ impl<'a> Joint<'a> {
         ((x, y), place): ((usize, usize), (isize, isize)),
         (other, signatures, away): (&StabiliseFrame<'_>, &HalfRows, usize),
         (at, alike): (&[[f32; BLOCK]; 2], &[f32; BLOCK]),
-        lanes: &Lanes,
+        (lanes, range): (&BandwidthLanes<S>, (f32x16<S>, f32x16<S>)),
         sums: &mut [[f32; BLOCK]; 5],
     ) {
         let w = other.features.size.width;
         let r = TAPS_IN_TIME as isize;
         if whole(place.0 - r, w) && whole(place.0 + r, w) && whole(x as isize, w) {
-            self.add_taps::<false, _>(simd, ((x, y), place), (other, signatures, away), (at, alike), lanes, sums);
+            self.add_taps::<false, _>(
+                simd,
+                ((x, y), place),
+                (other, signatures, away),
+                (at, alike),
+                (lanes, range),
+                sums,
+            );
         } else {
-            self.add_taps::<true, _>(simd, ((x, y), place), (other, signatures, away), (at, alike), lanes, sums);
+            self.add_taps::<true, _>(
+                simd,
+                ((x, y), place),
+                (other, signatures, away),
+                (at, alike),
+                (lanes, range),
+                sums,
+            );
         }
     }
 
@@ -415,7 +422,7 @@ impl<'a> Joint<'a> {
         ((x, y), place): ((usize, usize), (isize, isize)),
         (other, signatures, away): (&StabiliseFrame<'_>, &HalfRows, usize),
         (at, alike): (&[[f32; BLOCK]; 2], &[f32; BLOCK]),
-        lanes: &Lanes,
+        (lanes, range): (&BandwidthLanes<S>, (f32x16<S>, f32x16<S>)),
         sums: &mut [[f32; BLOCK]; 5],
     ) {
         const R: isize = TAPS_IN_TIME as isize;
@@ -424,15 +431,9 @@ impl<'a> Joint<'a> {
         let zero = f32x16::splat(simd, 0.0);
         let alike = f32x16::from_slice(simd, alike).simd_gt(zero);
         let own = self.own::<EDGE, _>(simd, (x, y));
-        let mut parts = [zero; PARTS];
-        for k in 0..PARTS {
-            parts[k] = f32x16::from_slice(simd, &lanes.parts[1][k]);
-        }
-        let by_distance = f32x16::from_slice(simd, &lanes.offset[1]);
-        let between = f32x16::from_slice(simd, &lanes.away) * (away - 1) as f32;
-        let channels = if self.has_alpha { 4 } else { 3 };
-        let (low, high) = (f32x16::from_slice(simd, &lanes.low), f32x16::from_slice(simd, &lanes.high));
-        let raw = f32x16::from_slice(simd, &lanes.raw);
+        let (parts, by_distance, raw) = (&lanes.parts[1], lanes.offset[1], lanes.raw);
+        let between = lanes.away * (away - 1) as f32;
+        let (low, high) = range;
         let own_colour = self.colours::<EDGE, _>(simd, (x as isize, y), raw);
         let mut sum = [zero; 5];
         for k in 0..5 {
@@ -440,43 +441,49 @@ impl<'a> Joint<'a> {
         }
         let (at_x, at_y) = (f32x16::from_slice(simd, &at[0]), f32x16::from_slice(simd, &at[1]));
         let lane = f32x16::from_slice(simd, &LANE);
+        // Three of the picture, of the input, and coverage; 0 beyond the picture.
+        let mut colours = [[0.0; 2 * BLOCK]; 7];
         for dy in -R..=R {
             let Some(row) = other.features.row_here(place.1 + dy) else { continue };
-            // Three of the picture, of the input, and coverage.
-            let mut colours = [[0.0; 2 * BLOCK]; 7];
-            for j in 0..WIDTH {
-                let column = place.0 - R + j as isize;
-                if EDGE && !(0..w as isize).contains(&column) {
-                    continue;
+            let (filtered, input) = (other.picture.row(row), other.input.row(row));
+            if EDGE {
+                for j in 0..WIDTH {
+                    let column = place.0 - R + j as isize;
+                    if (0..w as isize).contains(&column) {
+                        for k in 0..3 {
+                            colours[k][j] = filtered[column as usize][k];
+                            colours[3 + k][j] = input[column as usize][k];
+                        }
+                    }
                 }
-                let (filtered, input) = (other.picture.at(column as usize, row), other.input.at(column as usize, row));
-                for k in 0..3 {
-                    colours[k][j] = filtered[k];
-                    colours[3 + k][j] = input[k];
-                }
-                if let (true, Some(alpha)) = (self.has_alpha, other.alpha) {
-                    colours[6][j] = alpha.at(column as usize, row);
+            } else {
+                let first = (place.0 - R) as usize;
+                let run = (filtered[first..].first_chunk::<WIDTH>(), input[first..].first_chunk::<WIDTH>());
+                let (Some(filtered), Some(input)) = run else { continue };
+                for j in 0..WIDTH {
+                    for k in 0..3 {
+                        colours[k][j] = filtered[j][k];
+                        colours[3 + k][j] = input[j][k];
+                    }
                 }
             }
+            if let (true, Some(alpha)) = (self.has_alpha, other.alpha) {
+                for j in 0..WIDTH {
+                    if let Some(value) = alpha.row(row).get((place.0 - R + j as isize) as usize) {
+                        colours[6][j] = *value;
+                    }
+                }
+            }
+            let signature = signatures.channels_of(row);
             let off_y = f32x16::splat(simd, (place.1 + dy) as f32) - at_y;
             for dx in -R..=R {
                 let column = place.0 + dx;
-                let mut squares = [zero; COMPARED];
-                for c in 0..COMPARED {
-                    let kept = load_halves::<EDGE, _>(simd, signatures.row(row, c), column);
-                    let d = own[c] - if c < BOUNDED { kept * kept.abs() } else { kept };
-                    squares[c] = parts[c / 3] * (d * d);
-                }
-                // The order of `distance`.
-                let mut four = [zero; 4];
-                for k in 0..4 {
-                    four[k] = squares[k] + squares[k + 4] + squares[k + 8];
-                }
-                let distance = (four[0] + four[2]) + (four[1] + four[3]);
+                let there = InTime::<EDGE> { row: signature, w, x: column };
+                let distance = distance(simd, &there, &own, parts);
                 let off_x = (lane + column as f32) - at_x;
                 let offset = off_x * off_x + off_y * off_y;
-                let there = load_halves::<EDGE, _>(simd, signatures.row(row, BRIGHTNESS), column);
-                let beyond = (there - high).max(low - there).max(zero);
+                let shown = there.at(simd, BRIGHTNESS);
+                let beyond = (shown - high).max(low - shown).max(zero);
                 let weight = exp2(simd, -(distance + by_distance * offset + between + beyond));
                 let weight = alike.select(weight, zero);
                 let weight = if EDGE {
@@ -491,7 +498,7 @@ impl<'a> Joint<'a> {
                     let filtered = at(c);
                     sum[c] += weight * ((filtered + raw * (at(3 + c) - filtered)) - own_colour[c]);
                 }
-                if channels == 4 {
+                if self.has_alpha {
                     sum[3] += weight * (at(6) - own_colour[3]);
                 }
                 sum[4] += weight;
@@ -560,17 +567,112 @@ impl<'a> Joint<'a> {
     }
 }
 
-/// Bandwidths of sixteen pixels, by members of [`Bandwidths`](super::Bandwidths).
-#[derive(Default)]
-struct Lanes {
-    parts: [[[f32; BLOCK]; PARTS]; 2],
-    offset: [[f32; BLOCK]; 2],
-    away: [f32; BLOCK],
-    raw: [f32; BLOCK],
-    shown: [Shown; BLOCK],
-    /// Their ranges.
-    low: [f32; BLOCK],
-    high: [f32; BLOCK],
+/// Signatures beside each other.
+trait Signatures {
+    /// Channel `c` of sixteen pixels.
+    fn at<S: Simd>(&self, simd: S, c: usize) -> f32x16<S>;
+}
+
+/// All channels of a row of [`Joint::around`], each `w` long, from column `x` on.
+struct Around<'a, const EDGE: bool> {
+    row: &'a [f32],
+    w: usize,
+    x: isize,
+}
+
+impl<const EDGE: bool> Signatures for Around<'_, EDGE> {
+    #[inline(always)]
+    fn at<S: Simd>(&self, simd: S, c: usize) -> f32x16<S> {
+        channel::<EDGE, _>(simd, self.row, self.w, c, self.x)
+    }
+}
+
+/// The same of another frame, as [`kept`](super::kept) keeps it.
+struct InTime<'a, const EDGE: bool> {
+    row: &'a [f16],
+    w: usize,
+    x: isize,
+}
+
+impl<const EDGE: bool> Signatures for InTime<'_, EDGE> {
+    #[inline(always)]
+    fn at<S: Simd>(&self, simd: S, c: usize) -> f32x16<S> {
+        let from = c * self.w;
+        let kept = if EDGE {
+            load_halves::<true, _>(simd, &self.row[from..from + self.w], self.x)
+        } else {
+            load_halves_within(simd, self.row, (from as isize + self.x) as usize)
+        };
+        if c < BOUNDED { kept * kept.abs() } else { kept }
+    }
+}
+
+/// Channel `c` of a row of channels that are `w` long, from column `x` on.
+#[inline(always)]
+fn channel<const EDGE: bool, S: Simd>(simd: S, row: &[f32], w: usize, c: usize, x: isize) -> f32x16<S> {
+    if EDGE {
+        load::<true, _>(simd, &row[c * w..(c + 1) * w], x)
+    } else {
+        load_within(simd, row, ((c * w) as isize + x) as usize)
+    }
+}
+
+/// [`distance`](super::distance) of sixteen pixels, in its order. Spelt out: a loop over twelve channels is kept as one, with its
+/// squares in memory.
+#[inline(always)]
+fn distance<S: Simd>(
+    simd: S,
+    there: &impl Signatures,
+    own: &[f32x16<S>; super::SIGNATURE],
+    parts: &[f32x16<S>; PARTS],
+) -> f32x16<S> {
+    let a = square::<0, _>(simd, there, own, parts)
+        + square::<4, _>(simd, there, own, parts)
+        + square::<8, _>(simd, there, own, parts);
+    let b = square::<1, _>(simd, there, own, parts)
+        + square::<5, _>(simd, there, own, parts)
+        + square::<9, _>(simd, there, own, parts);
+    let c = square::<2, _>(simd, there, own, parts)
+        + square::<6, _>(simd, there, own, parts)
+        + square::<10, _>(simd, there, own, parts);
+    let d = square::<3, _>(simd, there, own, parts)
+        + square::<7, _>(simd, there, own, parts)
+        + square::<11, _>(simd, there, own, parts);
+    (a + c) + (b + d)
+}
+
+/// Squared difference of channel `C` times the bandwidth of its part.
+#[inline(always)]
+fn square<const C: usize, S: Simd>(
+    simd: S,
+    there: &impl Signatures,
+    own: &[f32x16<S>; super::SIGNATURE],
+    parts: &[f32x16<S>; PARTS],
+) -> f32x16<S> {
+    let d = own[C] - there.at(simd, C);
+    parts[C / 3] * (d * d)
+}
+
+/// [`Shown`](super::Shown) of sixteen pixels.
+struct ShownLanes<S: Simd> {
+    low: f32x16<S>,
+    high: f32x16<S>,
+}
+
+impl<S: Simd> ShownLanes<S> {
+    #[inline(always)]
+    fn new(own: f32x16<S>) -> Self {
+        Self { low: own, high: own }
+    }
+
+    /// Widened by the red + green + blue of inputs.
+    #[inline(always)]
+    fn add(&mut self, simd: S, sums: &[f32; BLOCK]) {
+        let (sums, dark) = (f32x16::from_slice(simd, sums), f32x16::splat(simd, DARK));
+        let shown = log2(simd, sums.simd_gt(dark).select(sums, dark));
+        self.low = shown.simd_lt(self.low).select(shown, self.low);
+        self.high = shown.simd_gt(self.high).select(shown, self.high);
+    }
 }
 
 /// Most other frames: those of `stabilise.frames` on either side.

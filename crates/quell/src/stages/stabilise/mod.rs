@@ -50,6 +50,12 @@ use crate::reach::Reach;
 use crate::sequence::settings::Stabilise;
 use crate::stages::blend::{self, BlendFrame, Pooled, exp2, log2};
 use crate::window::{Features, HalfRows, Rows};
+#[cfg(feature = "cpu")]
+use {
+    crate::kernels::lanes,
+    crate::stages::blend::cpu::PooledLanes,
+    fearless_simd::{Simd, f32x16, prelude::*},
+};
 
 /// What a filtered picture shows without its noise: by it a neighbour in time counts. Made once a frame.
 #[derive(Clone, Debug, PartialEq)]
@@ -194,10 +200,82 @@ pub(crate) fn bandwidths((pooled, inverse): &(Pooled, f32)) -> Bandwidths {
     Bandwidths { parts, offset: [z[PARTS], z[2 * PARTS + 1]], away: z[2 * PARTS + 2], raw: share / (1.0 + share) }
 }
 
+/// [`Bandwidths`] of sixteen pixels.
+#[derive(Clone, Copy)]
+#[cfg(feature = "cpu")]
+pub(crate) struct BandwidthLanes<S: Simd> {
+    parts: [[f32x16<S>; PARTS]; 2],
+    offset: [f32x16<S>; 2],
+    away: f32x16<S>,
+    raw: f32x16<S>,
+}
+
+/// [`bandwidths`] of sixteen pixels, to the bit.
+#[inline(always)]
+#[cfg(feature = "cpu")]
+pub(crate) fn bandwidth_lanes<S: Simd>(simd: S, (pooled, inverse): &(PooledLanes<S>, f32x16<S>)) -> BandwidthLanes<S> {
+    let inputs = pooled.inputs(simd);
+    let mut read = [f32x16::splat(simd, 0.0); READ.len()];
+    for k in 0..READ.len() {
+        read[k] = inputs[READ[k]];
+    }
+    let mut z = weights::NET.run_lanes(simd, &read);
+    for k in 0..OUTPUTS {
+        z[k] = limited_exp2(simd, z[k]);
+    }
+    let [share] = share::NET.run_lanes(simd, &read);
+    let share = limited_exp2(simd, share);
+    let squared = *inverse * *inverse;
+    let fine = squared / (pooled.detail[1] + LEAST_DEVIATION);
+    let noise = squared / (pooled.noise(simd, 1) + LEAST_DEVIATION);
+    let parts = |first: usize| [z[first] * fine, z[first + 1] * noise, z[first + 2], z[first + 3]];
+    BandwidthLanes {
+        parts: [parts(0), parts(PARTS + 1)],
+        offset: [z[PARTS], z[2 * PARTS + 1]],
+        away: z[2 * PARTS + 2],
+        raw: share / (share + 1.0),
+    }
+}
+
+/// A power of two whose logarithm is [`MOST`] at most.
+#[inline(always)]
+#[cfg(feature = "cpu")]
+fn limited_exp2<S: Simd>(simd: S, z: f32x16<S>) -> f32x16<S> {
+    let most = f32x16::splat(simd, MOST);
+    lanes::exp2(simd, z.max(-most).min(most))
+}
+
 /// Which of [`blend`](crate::stages::blend)'s statistics the net reads: those that do not ask for a stabilised picture.
 const READ: [usize; 11] = [0, 1, 2, 3, 4, 7, 11, 12, 14, 15, 16];
 /// What the net gives: a bandwidth for every part and the distance, twice, and one for frames between.
 const OUTPUTS: usize = 2 * (PARTS + 1) + 1;
+
+#[cfg(all(test, feature = "cpu"))]
+mod tests {
+    use super::*;
+    use crate::kernels::lanes::BLOCK;
+    use crate::stages::blend::cpu::tests::pooled;
+
+    #[test]
+    fn bandwidths_of_sixteen_pixels_have_the_bits_of_one() {
+        fearless_simd::dispatch!(crate::simd::level(), simd => {
+            for seed in 0..20 {
+                let (one, lanes) = pooled(simd, seed);
+                let inverse: [f32; BLOCK] = std::array::from_fn(|i| 0.01 + 3.0 * i as f32);
+                let found = bandwidth_lanes(simd, &(lanes, inverse.simd_into(simd)));
+                let all = |b: &BandwidthLanes<_>, i: usize| -> Vec<u32> {
+                    let parts = b.parts.iter().flatten().chain(&b.offset).chain([&b.away, &b.raw]);
+                    parts.map(|v| v.as_slice()[i].to_bits()).collect()
+                };
+                for (i, pooled) in one.into_iter().enumerate() {
+                    let b = bandwidths(&(pooled, inverse[i]));
+                    let expected = b.parts.iter().flatten().chain(&b.offset).chain([&b.away, &b.raw]);
+                    assert_eq!(all(&found, i), expected.map(|v| v.to_bits()).collect::<Vec<_>>(), "{pooled:?}");
+                }
+            }
+        });
+    }
+}
 
 /// What a tap brings.
 #[inline(always)]
