@@ -185,7 +185,7 @@ impl<'a> Joint<'a> {
         }
         for x in (0..w).step_by(BLOCK) {
             let count = BLOCK.min(w - x);
-            let lanes = bandwidth_lanes(simd, &self.noise.lanes(simd, (x, y)));
+            let lanes = bandwidth_lanes(simd, &self.noise.lanes(simd, (x, y)), self.settings);
             let reach = TAPS_AROUND as isize;
             let mut sums = if whole(x as isize - reach, w) && whole(x as isize + reach, w) {
                 self.sums_around::<false, _>(simd, (x, y), &lanes)

@@ -124,6 +124,10 @@ pub(crate) const WIDE: usize = 2;
 /// Half the side of the window of taps in the frame itself, and in other frames.
 pub(crate) const TAPS_AROUND: usize = 2;
 pub(crate) const TAPS_IN_TIME: usize = 1;
+/// The part that holds the albedo.
+const ALBEDO: usize = 2;
+/// Relative variance of the noise below which the albedo's least bandwidth grows no further.
+const LEAST_NOISE_OF_ALBEDO: f32 = 1e-3;
 /// Relative squared deviations below this are no noise.
 const LEAST_DEVIATION: f32 = 1e-7;
 /// Largest logarithm of a bandwidth.
@@ -177,7 +181,7 @@ pub(crate) struct Bandwidths {
 
 /// The bandwidths that one net gives a pixel, and the share of the input, of another.
 #[inline(always)]
-pub(crate) fn bandwidths((pooled, inverse): &(Pooled, f32)) -> Bandwidths {
+pub(crate) fn bandwidths((pooled, inverse): &(Pooled, f32), s: &Stabilise) -> Bandwidths {
     let inputs = pooled.inputs();
     // Loops, not `map`, which is compiled apart for narrow vectors.
     let mut read = [0.0; READ.len()];
@@ -197,6 +201,9 @@ pub(crate) fn bandwidths((pooled, inverse): &(Pooled, f32)) -> Bandwidths {
         let z = &z[group * (PARTS + 1)..];
         *parts = [z[0] * fine, z[1] * noise, z[2], z[3]];
     }
+    // Motion may be wrong where noise, which is all that the net knows, does not show it: textures on what turns, or slides in mirrors.
+    let albedo = &mut parts[1][ALBEDO];
+    *albedo = albedo.max(s.albedo / (pooled.noise(1) + LEAST_NOISE_OF_ALBEDO));
     Bandwidths { parts, offset: [z[PARTS], z[2 * PARTS + 1]], away: z[2 * PARTS + 2], raw: share / (1.0 + share) }
 }
 
@@ -213,7 +220,11 @@ pub(crate) struct BandwidthLanes<S: Simd> {
 /// [`bandwidths`] of sixteen pixels, to the bit.
 #[inline(always)]
 #[cfg(feature = "cpu")]
-pub(crate) fn bandwidth_lanes<S: Simd>(simd: S, (pooled, inverse): &(PooledLanes<S>, f32x16<S>)) -> BandwidthLanes<S> {
+pub(crate) fn bandwidth_lanes<S: Simd>(
+    simd: S,
+    (pooled, inverse): &(PooledLanes<S>, f32x16<S>),
+    s: &Stabilise,
+) -> BandwidthLanes<S> {
     let inputs = pooled.inputs(simd);
     let mut read = [f32x16::splat(simd, 0.0); READ.len()];
     for k in 0..READ.len() {
@@ -227,14 +238,13 @@ pub(crate) fn bandwidth_lanes<S: Simd>(simd: S, (pooled, inverse): &(PooledLanes
     let share = limited_exp2(simd, share);
     let squared = *inverse * *inverse;
     let fine = squared / (pooled.detail[1] + LEAST_DEVIATION);
-    let noise = squared / (pooled.noise(simd, 1) + LEAST_DEVIATION);
-    let parts = |first: usize| [z[first] * fine, z[first + 1] * noise, z[first + 2], z[first + 3]];
-    BandwidthLanes {
-        parts: [parts(0), parts(PARTS + 1)],
-        offset: [z[PARTS], z[2 * PARTS + 1]],
-        away: z[2 * PARTS + 2],
-        raw: share / (share + 1.0),
-    }
+    let wide = pooled.noise(simd, 1);
+    let noise = squared / (wide + LEAST_DEVIATION);
+    let group = |first: usize| [z[first] * fine, z[first + 1] * noise, z[first + 2], z[first + 3]];
+    let mut parts = [group(0), group(PARTS + 1)];
+    let least = f32x16::splat(simd, s.albedo) / (wide + LEAST_NOISE_OF_ALBEDO);
+    parts[1][ALBEDO] = parts[1][ALBEDO].max_precise(least);
+    BandwidthLanes { parts, offset: [z[PARTS], z[2 * PARTS + 1]], away: z[2 * PARTS + 2], raw: share / (share + 1.0) }
 }
 
 /// A power of two whose logarithm is [`MOST`] at most.
@@ -249,33 +259,6 @@ fn limited_exp2<S: Simd>(simd: S, z: f32x16<S>) -> f32x16<S> {
 const READ: [usize; 11] = [0, 1, 2, 3, 4, 7, 11, 12, 14, 15, 16];
 /// What the net gives: a bandwidth for every part and the distance, twice, and one for frames between.
 const OUTPUTS: usize = 2 * (PARTS + 1) + 1;
-
-#[cfg(all(test, feature = "cpu"))]
-mod tests {
-    use super::*;
-    use crate::kernels::lanes::BLOCK;
-    use crate::stages::blend::cpu::tests::pooled;
-
-    #[test]
-    fn bandwidths_of_sixteen_pixels_have_the_bits_of_one() {
-        fearless_simd::dispatch!(crate::simd::level(), simd => {
-            for seed in 0..20 {
-                let (one, lanes) = pooled(simd, seed);
-                let inverse: [f32; BLOCK] = std::array::from_fn(|i| 0.01 + 3.0 * i as f32);
-                let found = bandwidth_lanes(simd, &(lanes, inverse.simd_into(simd)));
-                let all = |b: &BandwidthLanes<_>, i: usize| -> Vec<u32> {
-                    let parts = b.parts.iter().flatten().chain(&b.offset).chain([&b.away, &b.raw]);
-                    parts.map(|v| v.as_slice()[i].to_bits()).collect()
-                };
-                for (i, pooled) in one.into_iter().enumerate() {
-                    let b = bandwidths(&(pooled, inverse[i]));
-                    let expected = b.parts.iter().flatten().chain(&b.offset).chain([&b.away, &b.raw]);
-                    assert_eq!(all(&found, i), expected.map(|v| v.to_bits()).collect::<Vec<_>>(), "{pooled:?}");
-                }
-            }
-        });
-    }
-}
 
 /// What a tap brings.
 #[inline(always)]
@@ -383,9 +366,11 @@ pub(crate) fn reach(s: &Stabilise) -> Reach {
     Reach { frames: s.frames, footprint: FOOTPRINT, ..Reach::around(pixels) }
 }
 
-#[cfg(test)]
+#[cfg(all(test, feature = "cpu"))]
 mod tests {
     use super::*;
+    use crate::kernels::lanes::BLOCK;
+    use crate::stages::blend::cpu::tests::pooled;
 
     #[test]
     fn taps_of_other_frames_count_whole_within_what_the_pixel_showed() {
@@ -413,5 +398,26 @@ mod tests {
         shown.add([0.0; 3]);
         let (low, _) = shown.range(&settings);
         assert!(low < log_brightness(0.0));
+    }
+
+    #[test]
+    fn bandwidths_of_sixteen_pixels_have_the_bits_of_one() {
+        let settings = Stabilise::default();
+        fearless_simd::dispatch!(crate::simd::level(), simd => {
+            for seed in 0..20 {
+                let (one, lanes) = pooled(simd, seed);
+                let inverse: [f32; BLOCK] = std::array::from_fn(|i| 0.01 + 3.0 * i as f32);
+                let found = bandwidth_lanes(simd, &(lanes, inverse.simd_into(simd)), &settings);
+                let all = |b: &BandwidthLanes<_>, i: usize| -> Vec<u32> {
+                    let parts = b.parts.iter().flatten().chain(&b.offset).chain([&b.away, &b.raw]);
+                    parts.map(|v| v.as_slice()[i].to_bits()).collect()
+                };
+                for (i, pooled) in one.into_iter().enumerate() {
+                    let b = bandwidths(&(pooled, inverse[i]), &settings);
+                    let expected = b.parts.iter().flatten().chain(&b.offset).chain([&b.away, &b.raw]);
+                    assert_eq!(all(&found, i), expected.map(|v| v.to_bits()).collect::<Vec<_>>(), "{pooled:?}");
+                }
+            }
+        });
     }
 }

@@ -67,7 +67,7 @@ fn joint(
     let every_alpha = window.iter().all(|frame| frame.alpha.is_some());
     let (mut picture, mut alpha) = (here.picture.clone(), here.alpha.cloned());
     for (x, y) in (0..h).flat_map(|y| (0..w).map(move |x| (x, y))) {
-        let bandwidths = bandwidths(&(pooled.at(x, y), 1.0 / scale.at(x, y) as f32));
+        let bandwidths = bandwidths(&(pooled.at(x, y), 1.0 / scale.at(x, y) as f32), s);
         let mut own = here.signature.map_or([0.0; SIGNATURE], |signature| signature_at(signature, x, y));
         let judge = window_mean(here.input.size(), WIDE, (x, y), |q| here.input.data()[q]);
         own[INPUT].copy_from_slice(&judge.map(|v| v as f32));
