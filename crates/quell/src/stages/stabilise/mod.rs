@@ -8,7 +8,7 @@
 //! | equation | out_p = sum_q w_q (c_q + g i_q - g c_q) / sum_q w_q; log2 w_q = -(sum_i b_i \|f_i(p) - f_i(q)\|^2 + b_d d^2 + b_t (t - 1) + b_l); w_p = 1 |
 //! | q | 5x5 pixels of the frame, 3x3 of each of the others around the place where the motion of what is in front leads (d: distance from it, t: frames between) |
 //! | c, i | the filtered picture and the same as it came; g: share of the latter, near 0 where samples are few |
-//! | f | `Signature`; b, g: `Bandwidths`, of two nets |
+//! | f | `Signature`; b, g: `Bandwidths`, of two nets; b of the albedo in other frames is at least `albedo` over the noise's relative variance |
 //! | b_l | 0 in the frame; max(0, l(q) - high, low - l(q)) in others; l: log2 of the median in 3x3 of the filtered picture's red + green + blue |
 //! | low, high | least and most of l(p) and of the same sum of p's input in every frame where p was found, less and plus log2 `contrast` |
 //! | source | bandwidths of a cross-bilateral filter from a net on local statistics: Kalantari et al. 2015; over time, with statistics of the noise: ours, `docs/sequence.md` |
