@@ -181,7 +181,7 @@ parameters! {
             higher "Steadier.", lower "Sharper.", source "ours";
         contrast: f32 = 1.2, 1.0..=1e6, "times", "How much brighter or darker than anything that a pixel showed a neighbour in time may be before it counts less.",
             higher "Lamps bleed into what is dark beside them where motion misses.", lower "A little more flicker.", source "ours: docs/trials.md";
-        albedo: f32 = 1.0, 0.0..=1e6, "times the noise's relative variance", "Least bandwidth of the albedo for neighbours in time.",
+        albedo: f32 = 1.0, 0.0..=1e6, "over the noise's relative variance", "Least bandwidth of the albedo for neighbours in time.",
             higher "Textures whose motion is unknown stay sharp.", lower "Where albedo is noisy, less flicker.", source "ours: docs/trials.md";
         seen_albedo: f32 = 0.5, 0.01..=16.0, "of the tone-mapped range", "How far what a mirror shows around a pixel may differ in a neighbour in time.",
             higher "Moving reflections smear.", lower "They stay noisy.", source "ours";

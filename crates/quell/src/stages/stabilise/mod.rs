@@ -108,8 +108,8 @@ pub(crate) const COMPARED: usize = 12;
 pub const SIGNATURE: usize = COMPARED + 1;
 /// What the net's form compares two pixels by, three numbers each: the picture smoothed by a binomial 3x3; its mean over 5x5 (of the
 /// pixel that is averaged, the input's mean: an independent judge); of the albedo and of the normal seen there the means over 3x3,
-/// since those of a pixel are as noisy as its light where surfaces mix. Last the [`log_brightness`] of the
-/// median in 3x3 of the picture.
+/// since those of a pixel are as noisy as its light where surfaces mix. Last, log2 of the median in 3x3 of the picture's
+/// red + green + blue.
 pub type Signature = [f32; SIGNATURE];
 /// Where the mean over 5x5 lies.
 pub(crate) const INPUT: std::ops::Range<usize> = 3..6;
