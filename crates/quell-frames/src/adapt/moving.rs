@@ -77,6 +77,7 @@ pub(super) fn motion(
     let [mut previous, mut next] = planes;
     if previous.is_none() && next.is_none() {
         previous = from_cameras(frame, camera, before);
+        frame.camera_motion = previous.is_some();
     }
     let width = frame.size.width;
     let depth = frame.depth.as_ref();

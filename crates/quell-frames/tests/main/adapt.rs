@@ -104,7 +104,7 @@ fn blender_passes_become_lights_with_their_colours_and_all_layouts_agree() {
                 && frame.lights[6..].iter().all(|l| l.weight.is_none())
         );
         assert!(frame.normal.is_some() && frame.seen_normal.is_some() && frame.albedo.is_some());
-        assert!(frame.motion_to_previous.is_some() && frame.motion_to_next.is_some());
+        assert!(frame.motion_to_previous.is_some() && frame.motion_to_next.is_some() && !frame.camera_motion);
         seen.push((frame.beauty(), frame.depth.unwrap()));
     }
     // Each file has noise of its own: means agree, and depth, which has none.
@@ -449,6 +449,7 @@ fn a_file_without_vectors_gets_motion_from_two_cameras() {
     assert!(before.motion_to_previous.is_none());
     let (second, _) = open(&path(2));
     let now = adapter.frame(2, &second, &mut links).unwrap().frame;
+    assert!(now.camera_motion && !before.camera_motion);
     let motion = now.motion_to_previous.unwrap();
     let (position, earlier) = (now.position.unwrap(), before.position.unwrap());
     let mut distances = Vec::new();

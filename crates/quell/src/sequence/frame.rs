@@ -76,6 +76,8 @@ pub struct SequenceFrame {
     /// The surface in the next frame lies at pixel + motion, pixels, y down. NaN or absent: found from the next frame's
     /// `motion_to_previous`.
     pub motion_to_next: Option<Plane<[f32; 2]>>,
+    /// True where motion is the camera's alone, found from positions: things that move by themselves are not in it.
+    pub camera_motion: bool,
     /// Colour of the surface, >= 0. Absent: unknown.
     pub albedo: Option<Plane<Rgb>>,
     /// What is seen *through* mirrors and glass: albedo and normal at the first rough surface (Cycles' `Denoising
@@ -105,6 +107,7 @@ impl SequenceFrame {
             position: None,
             motion_to_previous: None,
             motion_to_next: None,
+            camera_motion: false,
             albedo: None,
             seen_albedo: None,
             seen_normal: None,

@@ -183,6 +183,12 @@ parameters! {
             higher "Lamps bleed into what is dark beside them where motion misses.", lower "A little more flicker.", source "ours: docs/trials.md";
         albedo: f32 = 1.0, 0.0..=1e6, "over the noise's relative variance", "Least bandwidth of the albedo for neighbours in time.",
             higher "Textures whose motion is unknown stay sharp.", lower "Where albedo is noisy, less flicker.", source "ours: docs/trials.md";
+        camera_albedo: f32 = 30.0, 0.0..=1e6, "per squared albedo", "The same at least where motion is the camera's alone, as of files without motion vectors.",
+            higher "Textures of what moves by itself stay sharp.", lower "Where albedo is noisy, less flicker.", source "ours: docs/trials.md";
+        outlier: f32 = 1.5, 1.0..=1e6, "times", "How much brighter a pixel may be than those around it and than what it shows in other frames before it counts less; from twice that it counts nothing.",
+            higher "Single bright pixels stay.", lower "Glints that one frame alone shows are lost.", source "ours: docs/trials.md";
+        outlier_noise: f32 = 0.4, 0.0..=16.0, "of the brightness", "Deviation of the noise at which half of that is done.",
+            higher "Single bright pixels stay.", lower "With many samples a pixel glints are lost.", source "ours: docs/trials.md";
         seen_albedo: f32 = 0.5, 0.01..=16.0, "of the tone-mapped range", "How far what a mirror shows around a pixel may differ in a neighbour in time.",
             higher "Moving reflections smear.", lower "They stay noisy.", source "ours";
         surface_seen_albedo: f32 = 0.0625, 0.001..=16.0, "of the tone-mapped range", "The same where the surface's motion is used in place of the reflection's.",

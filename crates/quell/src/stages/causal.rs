@@ -31,6 +31,7 @@ fn features(frame: &Frame<'_>) -> Features {
         surface: Plane::from_fn(frame.size, at).data().to_vec(),
         motion: MotionPlanes { to_previous: motion.map(Vectors::new), ..MotionPlanes::default() },
         seen: None,
+        camera_motion: false,
         has_seen: [false; 2],
         albedo_around: None,
         albedo: None,

@@ -86,6 +86,8 @@ pub struct Features {
     pub surface: Vec<SurfacePoint>,
     /// Motion to the neighbouring frames.
     pub motion: MotionPlanes,
+    /// True where motion is the camera's alone.
+    pub(crate) camera_motion: bool,
     /// Tone-mapped albedo and unit normal seen in mirrors and through glass; `None`: absent.
     pub(crate) seen: Option<Packed>,
     /// Which of the two there are.
@@ -152,6 +154,7 @@ impl Features {
                 to_next: frame.motion_to_next.clone().map(Vectors::new),
                 ..MotionPlanes::default()
             },
+            camera_motion: frame.camera_motion,
             seen,
             has_seen,
             albedo_around,

@@ -318,6 +318,35 @@ fn a_texture_in_a_mirror_stays() {
     assert!(lost < 0.12, "{lost}");
 }
 
+/// Stripes that slide by themselves, in a file without motion vectors: its motion is the camera's alone, which rests.
+#[test]
+fn a_texture_that_slides_without_motion_vectors_stays() {
+    const STILL: usize = 1;
+    let texture = |x: usize, t: i64| [if (x as i64 + 3 * t).rem_euclid(8) < 4 { 0.2 } else { 0.6 }; 3];
+    let slides = |camera_motion: bool| {
+        move |t: i64| {
+            let mut f = frame(0);
+            f.number = t;
+            f.motion_to_previous = Some(Plane::filled(SIZE, [0.0; 2]));
+            f.motion_to_next = f.motion_to_previous.clone();
+            f.camera_motion = camera_motion;
+            f.lights.truncate(STILL);
+            f.lights[0].light = Plane::from_fn(SIZE, |x, y| [2.0 * random(x, y, t, 3); 3]);
+            f.albedo = Some(Plane::from_fn(SIZE, |x, _| texture(x, t)));
+            f.lights[0].weight = f.albedo.clone().map(Arc::new);
+            f.lights[0].in_beauty = true;
+            f
+        }
+    };
+    let error = |out: &[Filtered]| -> f32 {
+        // Light is 1 everywhere: what is too bright or too dark has the other stripe's colour.
+        let light = out[3].lights[0].planes[0].data();
+        light.iter().map(|light| (light[0] - 1.0).powi(2)).sum::<f32>() / light.len() as f32
+    };
+    let [known, trusted] = [true, false].map(|camera| error(&run(&settings(&[]), (0..7).map(slides(camera)))));
+    assert!(known < 0.7 * trusted, "{known} {trusted}");
+}
+
 #[test]
 fn wild_frames_do_no_harm() {
     let tiny = Size::new(1, 1);
@@ -399,6 +428,7 @@ fn every_parameter_matters() {
             // Reflections have a colour beside the glass, too.
             f.lights[1].weight = Some(Arc::new(Plane::filled(SIZE, [0.5; 3])));
             f.repeats_noise = t == 2;
+            f.camera_motion = t == 3;
             let light = f.lights[1].light.clone();
             for (name, kind) in [
                 ("highlight", LightKind::GlossyDirect),

@@ -6,6 +6,10 @@ use super::{
     MOST_RATIO, NEAR, NOISE_NEAR, NOISE_WIDE, Pooled, READ, SECOND_DIFFERENCE, WIDE, by_thresholds, drawn_back, follow,
     net, shares,
 };
+use super::{
+    outlier::{Limits, believed},
+    without_outlier,
+};
 use crate::frame::Rgb;
 use crate::kernels::lanes::{BLOCK, load, log2, store, whole};
 use crate::kernels::math::three;
@@ -132,6 +136,20 @@ pub(crate) fn run(
         }
     }
     draw_back(&mut shares_of, (here, steady), &known, s);
+    par::rows(shares_of.data_mut(), w, |y, row| {
+        for (x, share) in row.iter_mut().enumerate() {
+            let believed = believed(
+                (window, centre),
+                |frame| frame.input,
+                (x, y),
+                gather,
+                Limits::new(stabilise, known.at(x, y).noise),
+            );
+            if believed < 1.0 {
+                *share = without_outlier(*share, believed, s);
+            }
+        }
+    });
     let noise = par::plane(size, |x, y| expected.at(x, y).sqrt() / known.at(x, y).inverse);
     Blend { shares: shares_of, noise }
 }

@@ -22,9 +22,12 @@
 //! seen (`blend.visible`), so that the output tends to the input as samples grow. The noise for that is the least of all
 //! that is known, that along edges and stripes of the input included, but no less than a share (`blend.guard_input`) of the latter: noise
 //! that the wavelet did not remove is not in what it removed.
+//!
+//! Of an outlier of the input (`outlier.rs`) the stabilised picture takes all shares.
 
 #[cfg(feature = "cpu")]
 pub(crate) mod cpu;
+pub(crate) mod outlier;
 pub mod reference;
 
 use crate::frame::Rgb;
@@ -294,6 +297,14 @@ pub(crate) fn drawn_back(difference: f32, noise: f32, s: &Settings) -> f32 {
     let explained = noise * (s.guard_low + (s.guard - s.guard_low) * share(s.guard_noise));
     // NaN, of infinities, is no agreement.
     if difference < 2.0 * explained { share(s.visible) * (2.0 - difference / explained).min(1.0) } else { 0.0 }
+}
+
+/// The shares of a pixel whose input is believed so far.
+#[inline(always)]
+pub(crate) fn without_outlier([input, wavelet, _]: [f32; 3], believed: f32, s: &Settings) -> [f32; 3] {
+    let kept = 1.0 - s.strength.min(1.0) * (1.0 - believed);
+    let [input, wavelet] = [input * kept, wavelet * kept];
+    [input, wavelet, 1.0 - (input + wavelet)]
 }
 
 /// What is left of white noise's variance less its mean over 3x3, binomial.

@@ -2,7 +2,9 @@
 
 use super::{
     Blend, BlendFrame, DIRECTIONS, FRAMES, HIGH_PASS, LEAST_BRIGHTNESS, MOST_CHANGE, NEAR, NOISE_NEAR, NOISE_WIDE,
-    Pooled, Read, SECOND_DIFFERENCE, WIDE, by_thresholds, drawn_back, follow, net, read, shares, silhouette,
+    Pooled, Read, SECOND_DIFFERENCE, WIDE, by_thresholds, drawn_back, follow, net,
+    outlier::{Limits, believed},
+    read, shares, silhouette, without_outlier,
 };
 use crate::frame::Rgb;
 use crate::kernels::conv::{ConvNet, GRID, LEAK, MOST_INPUT};
@@ -44,7 +46,14 @@ pub fn run(
         let difference = mean(w, h, (x, y), NOISE_NEAR, moved) as f32;
         let kept = drawn_back(difference, pooled.at(x, y).least_noise(s), s);
         let [_, wavelet, steady] = wanted.at(x, y).0.map(|v| v * kept);
-        [1.0 - (wavelet + steady), wavelet, steady]
+        let believed = believed(
+            (window, centre),
+            |frame| frame.input,
+            (x, y),
+            gather,
+            Limits::new(stabilise, pooled.at(x, y).noise(1)),
+        );
+        without_outlier([1.0 - (wavelet + steady), wavelet, steady], believed, s)
     });
     let noise = Plane::from_fn(size, |x, y| {
         let expected = wanted.at(x, y).1 * pooled.at(x, y).noise(1) / 3.0;

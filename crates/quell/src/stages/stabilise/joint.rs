@@ -2,8 +2,8 @@
 
 use super::cpu::Track;
 use super::{
-    BOUNDED, BRIGHTNESS, BandwidthLanes, DARK, PARTS, StabiliseFrame, TAPS_AROUND, TAPS_IN_TIME, albedo_around,
-    bandwidth_lanes, log_brightness, normal_at, restored,
+    BOUNDED, BRIGHTNESS, BandwidthLanes, DARK, LEAST_OWN, LIGHT, PARTS, StabiliseFrame, TAPS_AROUND, TAPS_IN_TIME,
+    albedo_around, bandwidth_lanes, log_brightness, normal_at, own_weight, restored,
 };
 #[cfg(feature = "internals")]
 use super::{Signature, signature_at};
@@ -122,6 +122,8 @@ pub(crate) struct Joint<'a> {
     gather: &'a Gather,
     settings: &'a Stabilise,
     noise: PictureNoise,
+    /// The window once more, for its outliers.
+    frames: Vec<BlendFrame<'a>>,
     /// Mean over 5x5 of the input.
     input: Band,
     /// Of the rows around, too, channel by channel: signatures, colours, the input's, coverage where it is averaged.
@@ -173,6 +175,7 @@ impl<'a> Joint<'a> {
             settings,
             input: mean_colours(window[centre].input, super::WIDE, &rows),
             noise: PictureNoise::new(&frames, centre, window[centre].picture, (gather, settings.nearer), rows),
+            frames,
         }
     }
 
@@ -185,13 +188,26 @@ impl<'a> Joint<'a> {
         }
         for x in (0..w).step_by(BLOCK) {
             let count = BLOCK.min(w - x);
-            let lanes = bandwidth_lanes(simd, &self.noise.lanes(simd, (x, y)), self.settings);
+            let statistics = self.noise.lanes(simd, (x, y));
+            let mut lanes = bandwidth_lanes(simd, &statistics, self.settings, here.features.camera_motion);
+            let believed = self.believed(simd, (x, y), count, lanes.raw, statistics.0.noise(simd, 1));
+            if let Some(believed) = &believed {
+                let believed = f32x16::from_slice(simd, believed);
+                for parts in &mut lanes.parts {
+                    for part in 0..LIGHT {
+                        parts[part] *= believed;
+                    }
+                }
+            }
             let reach = TAPS_AROUND as isize;
             let mut sums = if whole(x as isize - reach, w) && whole(x as isize + reach, w) {
                 self.sums_around::<false, _>(simd, (x, y), &lanes)
             } else {
                 self.sums_around::<true, _>(simd, (x, y), &lanes)
             };
+            for (total, believed) in sums[4].iter_mut().zip(believed.iter().flatten()) {
+                *total += believed.max(LEAST_OWN) - 1.0;
+            }
             self.add_in_time(simd, (x, y), count, &lanes, &mut sums);
             let own = self.colours::<true, _>(simd, (x as isize, y), lanes.raw);
             let total = f32x16::from_slice(simd, &sums[4]);
@@ -206,6 +222,26 @@ impl<'a> Joint<'a> {
                 coverage.copy_from_slice(&found[3][..count]);
             }
         }
+    }
+
+    /// [`own_weight`] of sixteen pixels; `None`: 1.
+    #[inline(always)]
+    fn believed<S: Simd>(
+        &self,
+        _: S,
+        (x, y): (usize, usize),
+        count: usize,
+        raw: f32x16<S>,
+        noise: f32x16<S>,
+    ) -> Option<[f32; BLOCK]> {
+        let (raw, noise): ([f32; BLOCK], [f32; BLOCK]) = (raw.into(), noise.into());
+        let (mut believed, mut all) = ([1.0; BLOCK], true);
+        for i in 0..count {
+            let window = (&self.frames[..], self.centre);
+            believed[i] = own_weight(window, (x + i, y), (raw[i], noise[i]), (self.gather, self.settings));
+            all &= believed[i] == 1.0;
+        }
+        (!all).then_some(believed)
     }
 
     /// What sixteen pixels are compared by, from column `x` on.

@@ -5,10 +5,11 @@
 //! | reads | filtered pictures, the same as they came, and coverage of the frames around, their depth, motion, and what mirrors show |
 //! | writes | the steadier picture, and its coverage |
 //! | reach | `stabilise.frames` frames before and after; 10 pixels in a frame: the windows of the statistics that the net reads, as in `blend`; 2 rows where motion is rounded |
-//! | equation | out_p = sum_q w_q (c_q + g i_q - g c_q) / sum_q w_q; log2 w_q = -(sum_i b_i \|f_i(p) - f_i(q)\|^2 + b_d d^2 + b_t (t - 1) + b_l); w_p = 1 |
+//! | equation | out_p = sum_q w_q (c_q + g i_q - g c_q) / sum_q w_q; log2 w_q = -(sum_i b_i \|f_i(p) - f_i(q)\|^2 + b_d d^2 + b_t (t - 1) + b_l) |
 //! | q | 5x5 pixels of the frame, 3x3 of each of the others around the place where the motion of what is in front leads (d: distance from it, t: frames between) |
 //! | c, i | the filtered picture and the same as it came; g: share of the latter, near 0 where samples are few |
-//! | f | `Signature`; b, g: `Bandwidths`, of two nets; b of the albedo in other frames is at least `albedo` over the noise's relative variance |
+//! | f | `Signature`; b, g: `Bandwidths`, of two nets; b of the albedo in other frames is at least `albedo` over the noise's relative variance, and `camera_albedo` where motion is the camera's alone |
+//! | w_p | 1; of an outlier (`blend/outlier.rs`) down to 0, and so much less do the light's bandwidths count |
 //! | b_l | 0 in the frame; max(0, l(q) - high, low - l(q)) in others; l: log2 of the median in 3x3 of the filtered picture's red + green + blue |
 //! | low, high | least and most of l(p) and of the same sum of p's input in every frame where p was found, less and plus log2 `contrast` |
 //! | source | bandwidths of a cross-bilateral filter from a net on local statistics: Kalantari et al. 2015; over time, with statistics of the noise: ours, `docs/sequence.md` |
@@ -47,7 +48,8 @@ use crate::frame::Rgb;
 use crate::par;
 use crate::plane::Plane;
 use crate::reach::Reach;
-use crate::sequence::settings::Stabilise;
+use crate::sequence::settings::{Gather, Stabilise};
+use crate::stages::blend::outlier::{self, Limits};
 use crate::stages::blend::{self, BlendFrame, Pooled, exp2, log2};
 use crate::window::{Features, HalfRows, Rows};
 #[cfg(feature = "cpu")]
@@ -94,6 +96,19 @@ impl<'a> From<&StabiliseFrame<'a>> for BlendFrame<'a> {
     }
 }
 
+/// How far a pixel's own light is believed, of whose colour `raw` is the input's share. `noise`: squared, relative to the brightness.
+#[inline(always)]
+pub(crate) fn own_weight<'a>(
+    window: (&'a [BlendFrame<'a>], usize),
+    at: (usize, usize),
+    (raw, noise): (f32, f32),
+    (gather, s): (&Gather, &Stabilise),
+) -> f32 {
+    let limits = Limits::new(s, noise);
+    let filtered = outlier::believed(window, |frame| frame.picture, at, gather, limits);
+    filtered.min(1.0 - raw * (1.0 - outlier::believed(window, |frame| frame.input, at, gather, limits)))
+}
+
 /// Squared difference of the tone-mapped colours that mirrors or glass show around two pixels.
 #[inline(always)]
 pub(crate) fn seen_difference(here: &Features, p: usize, other: &Features, q: usize) -> f32 {
@@ -111,6 +126,8 @@ pub const SIGNATURE: usize = COMPARED + 1;
 /// since those of a pixel are as noisy as its light where surfaces mix. Last, log2 of the median in 3x3 of the picture's
 /// red + green + blue.
 pub type Signature = [f32; SIGNATURE];
+/// Parts that hold light.
+const LIGHT: usize = 2;
 /// Where the mean over 5x5 lies.
 pub(crate) const INPUT: std::ops::Range<usize> = 3..6;
 /// Where the logarithm of the brightness lies.
@@ -128,6 +145,8 @@ pub(crate) const TAPS_IN_TIME: usize = 1;
 const ALBEDO: usize = 2;
 /// Relative variance of the noise below which the albedo's least bandwidth grows no further.
 const LEAST_NOISE_OF_ALBEDO: f32 = 1e-3;
+/// Least weight of a pixel itself, where nothing else counts.
+const LEAST_OWN: f32 = 1e-3;
 /// Relative squared deviations below this are no noise.
 const LEAST_DEVIATION: f32 = 1e-7;
 /// Largest logarithm of a bandwidth.
@@ -181,7 +200,7 @@ pub(crate) struct Bandwidths {
 
 /// The bandwidths that one net gives a pixel, and the share of the input, of another.
 #[inline(always)]
-pub(crate) fn bandwidths((pooled, inverse): &(Pooled, f32), s: &Stabilise) -> Bandwidths {
+pub(crate) fn bandwidths((pooled, inverse): &(Pooled, f32), s: &Stabilise, camera_motion: bool) -> Bandwidths {
     let inputs = pooled.inputs();
     // Loops, not `map`, which is compiled apart for narrow vectors.
     let mut read = [0.0; READ.len()];
@@ -203,8 +222,14 @@ pub(crate) fn bandwidths((pooled, inverse): &(Pooled, f32), s: &Stabilise) -> Ba
     }
     // Motion may be wrong where noise, which is all that the net knows, does not show it: textures on what turns, or slides in mirrors.
     let albedo = &mut parts[1][ALBEDO];
-    *albedo = albedo.max(s.albedo / (pooled.noise(1) + LEAST_NOISE_OF_ALBEDO));
+    *albedo = albedo.max(s.albedo / (pooled.noise(1) + LEAST_NOISE_OF_ALBEDO)).max(least_albedo(s, camera_motion));
     Bandwidths { parts, offset: [z[PARTS], z[2 * PARTS + 1]], away: z[2 * PARTS + 2], raw: share / (1.0 + share) }
+}
+
+/// Least bandwidth of the albedo over time where motion is not known of everything.
+#[inline(always)]
+fn least_albedo(s: &Stabilise, camera_motion: bool) -> f32 {
+    if camera_motion { s.camera_albedo } else { 0.0 }
 }
 
 /// [`Bandwidths`] of sixteen pixels.
@@ -224,6 +249,7 @@ pub(crate) fn bandwidth_lanes<S: Simd>(
     simd: S,
     (pooled, inverse): &(PooledLanes<S>, f32x16<S>),
     s: &Stabilise,
+    camera_motion: bool,
 ) -> BandwidthLanes<S> {
     let inputs = pooled.inputs(simd);
     let mut read = [f32x16::splat(simd, 0.0); READ.len()];
@@ -243,6 +269,7 @@ pub(crate) fn bandwidth_lanes<S: Simd>(
     let group = |first: usize| [z[first] * fine, z[first + 1] * noise, z[first + 2], z[first + 3]];
     let mut parts = [group(0), group(PARTS + 1)];
     let least = f32x16::splat(simd, s.albedo) / (wide + LEAST_NOISE_OF_ALBEDO);
+    let least = least.max_precise(f32x16::splat(simd, least_albedo(s, camera_motion)));
     parts[1][ALBEDO] = parts[1][ALBEDO].max_precise(least);
     BandwidthLanes { parts, offset: [z[PARTS], z[2 * PARTS + 1]], away: z[2 * PARTS + 2], raw: share / (share + 1.0) }
 }
@@ -407,13 +434,13 @@ mod tests {
             for seed in 0..20 {
                 let (one, lanes) = pooled(simd, seed);
                 let inverse: [f32; BLOCK] = std::array::from_fn(|i| 0.01 + 3.0 * i as f32);
-                let found = bandwidth_lanes(simd, &(lanes, inverse.simd_into(simd)), &settings);
+                let found = bandwidth_lanes(simd, &(lanes, inverse.simd_into(simd)), &settings, seed % 2 == 0);
                 let all = |b: &BandwidthLanes<_>, i: usize| -> Vec<u32> {
                     let parts = b.parts.iter().flatten().chain(&b.offset).chain([&b.away, &b.raw]);
                     parts.map(|v| v.as_slice()[i].to_bits()).collect()
                 };
                 for (i, pooled) in one.into_iter().enumerate() {
-                    let b = bandwidths(&(pooled, inverse[i]), &settings);
+                    let b = bandwidths(&(pooled, inverse[i]), &settings, seed % 2 == 0);
                     let expected = b.parts.iter().flatten().chain(&b.offset).chain([&b.away, &b.raw]);
                     assert_eq!(all(&found, i), expected.map(|v| v.to_bits()).collect::<Vec<_>>(), "{pooled:?}");
                 }

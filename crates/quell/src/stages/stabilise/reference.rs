@@ -1,8 +1,9 @@
 //! The specification of `stabilise`.
 
 use super::{
-    BRIGHTNESS, INPUT, LEAST_NOISE, Likeness, POOL, SIGNATURE, Shown, StabiliseFrame, TAPS_AROUND, TAPS_IN_TIME, WIDE,
-    albedo_around, bandwidths, log_brightness, mixed, normal_at, seen_difference, signature_at, tap_weight,
+    BRIGHTNESS, INPUT, LEAST_NOISE, LEAST_OWN, LIGHT, Likeness, POOL, SIGNATURE, Shown, StabiliseFrame, TAPS_AROUND,
+    TAPS_IN_TIME, WIDE, albedo_around, bandwidths, log_brightness, mixed, normal_at, own_weight, seen_difference,
+    signature_at, tap_weight,
 };
 use crate::frame::Rgb;
 use crate::kernels::guide_distance::weight;
@@ -67,7 +68,10 @@ fn joint(
     let every_alpha = window.iter().all(|frame| frame.alpha.is_some());
     let (mut picture, mut alpha) = (here.picture.clone(), here.alpha.cloned());
     for (x, y) in (0..h).flat_map(|y| (0..w).map(move |x| (x, y))) {
-        let bandwidths = bandwidths(&(pooled.at(x, y), 1.0 / scale.at(x, y) as f32), s);
+        let statistics = (pooled.at(x, y), 1.0 / scale.at(x, y) as f32);
+        let mut bandwidths = bandwidths(&statistics, s, here.features.camera_motion);
+        let believed = own_weight((&frames, centre), (x, y), (bandwidths.raw, statistics.0.noise(1)), (gather, s));
+        bandwidths.parts.iter_mut().flat_map(|parts| &mut parts[..LIGHT]).for_each(|b| *b *= believed);
         let mut own = here.signature.map_or([0.0; SIGNATURE], |signature| signature_at(signature, x, y));
         let judge = window_mean(here.input.size(), WIDE, (x, y), |q| here.input.data()[q]);
         own[INPUT].copy_from_slice(&judge.map(|v| v as f32));
@@ -97,7 +101,11 @@ fn joint(
                 let offset = (qx as f32 - at[0]).powi(2) + (qy as f32 - at[1]).powi(2);
                 let itself = frame == centre && q == y * w + x;
                 let tap = (&signature_at(signatures, qx as usize, here_row), offset, away);
-                let weight = if itself { 1.0 } else { f64::from(tap_weight(&bandwidths, &own, shown, tap)) };
+                let weight = if itself {
+                    f64::from(believed.max(LEAST_OWN))
+                } else {
+                    f64::from(tap_weight(&bandwidths, &own, shown, tap))
+                };
                 let colour = mixed(other.picture.data()[q], other.input.data()[q], bandwidths.raw);
                 for c in 0..3 {
                     sum[c] += weight * f64::from(colour[c]);
