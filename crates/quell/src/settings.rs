@@ -195,16 +195,16 @@ parameters! {
             source "ours: `docs/quality.md`";
         fast: f32 = 0.6, 0.0..=0.95, "share of history", "Most that history counts in the fast mean. Its window is 1 / (1 - fast) frames.",
             higher "Finds smaller changes, later.", lower "Finds large changes earlier.", source "ours: `docs/quality.md`";
-        begin: f32 = 1.0, 0.0..=64.0, "standard deviations", "Difference between the fast and the long history, both averaged over the window, from which history gets shorter.",
+        begin: f32 = 1.5, 0.0..=64.0, "standard deviations", "Difference between the fast and the long history, both averaged over the window, from which history gets shorter.",
             higher "Small changes lag.", lower "Chance shortens history: more noise.", source "ours: `docs/quality.md`";
         certain: f32 = 2.0, 0.0..=64.0, "standard deviations", "Difference at which nothing is left of history; at least `begin`.",
             higher "History is shortened more softly.", lower "Quicker, harder.", source "ours: `docs/quality.md`";
-        least: f32 = 0.1, 0.0..=10.0, "of the sum of both means", "A difference that counts as one deviation whatever the noise.",
+        least: f32 = 0.03, 0.0..=10.0, "of the sum of both means", "A difference that counts as one deviation whatever the noise.",
             higher "Only large changes count.", lower "Chance and small changes shorten history where noise is low.", source "ours: `docs/quality.md`";
-        radius: u32 = 4, 1..=4, "taps", "Taps of the window on each side of the pixel, along both axes.",
-            higher "Finds smaller changes, and slower.", lower "Faster; sees less of the neighbourhood.", source "ours: `docs/quality.md`";
-        spacing: u32 = 2, 1..=8, "pixels", "Distance between the taps of the window.",
-            higher "Wider windows.", lower "Narrower ones; neighbours share noise where history was resampled.", source "ours: `docs/quality.md`";
+        radius: u32 = 3, 1..=3, "cells of 8x8 pixels", "Half the width of the window around the pixel, which falls off as a tent.",
+            higher "Finds smaller changes, in more noise.", lower "Sees less of the neighbourhood: what changes in small places only.", source "ours: `docs/quality.md`";
+        spacing: u32 = 1, 1..=4, "pixels", "Distance between the taps of a cell along both axes.",
+            higher "Faster, and noisier.", lower "Every pixel counts.", source "ours: `docs/quality.md`";
     }
     /// Levels of filters in space where history is short: between stages 3 and 4, and between 8 and 9. Not in the paper.
     young_filter: YoungFilter {

@@ -48,15 +48,15 @@ export interface Settings {
   "changed_light.glossy"?: boolean;
   /** Most that history counts in the fast mean. Its window is 1 / (1 - fast) frames. From 0 to 0.95, share of history. Default: 0.6. */
   "changed_light.fast"?: number;
-  /** Difference between the fast and the long history, both averaged over the window, from which history gets shorter. From 0 to 64, standard deviations. Default: 1. */
+  /** Difference between the fast and the long history, both averaged over the window, from which history gets shorter. From 0 to 64, standard deviations. Default: 1.5. */
   "changed_light.begin"?: number;
   /** Difference at which nothing is left of history; at least `begin`. From 0 to 64, standard deviations. Default: 2. */
   "changed_light.certain"?: number;
-  /** A difference that counts as one deviation whatever the noise. From 0 to 10, of the sum of both means. Default: 0.1. */
+  /** A difference that counts as one deviation whatever the noise. From 0 to 10, of the sum of both means. Default: 0.03. */
   "changed_light.least"?: number;
-  /** Taps of the window on each side of the pixel, along both axes. From 1 to 4, taps. Default: 4. */
+  /** Half the width of the window around the pixel, which falls off as a tent. From 1 to 3, cells of 8x8 pixels. Default: 3. */
   "changed_light.radius"?: number;
-  /** Distance between the taps of the window. From 1 to 8, pixels. Default: 2. */
+  /** Distance between the taps of a cell along both axes. From 1 to 4, pixels. Default: 1. */
   "changed_light.spacing"?: number;
   /** Filters the matte signal after stage 3. Default: false. */
   "young_filter.matte"?: boolean;

@@ -88,8 +88,8 @@ pub struct Cpu {
     seen_now: bool,
     /// Variance of luminance between the levels of `young_filter`, in phase order.
     noise: [Vec<f32>; 2],
-    /// Luminance of a history, and where its light has changed, in phase order.
-    change: [Vec<f32>; 2],
+    /// Where the light of a history has changed, in phase order, and room to find it.
+    change: (change::Room, Vec<f32>),
 }
 
 /// Places in `Cpu::shown` after those of the signals.
@@ -253,12 +253,11 @@ impl Cpu {
                     Some(colours) => {
                         // A fast history that begins with this frame says nothing of the long one.
                         let change = change.filter(|_| fast_before.len() == pixels);
-                        let [light, changed] = &mut self.change;
+                        let (room, changed) = &mut self.change;
                         if let Some(change) = &change {
-                            light.resize(pixels, 0.0);
                             changed.resize(pixels, 0.0);
                             let left = change::Left { colours, length: kept_before, fast: fast_before };
-                            change::run(level, &phases, change, left, light, changed);
+                            change::run(level, &phases, change, left, room, changed);
                         }
                         let found = change.map(|_| (changed.as_slice(), fast_before.as_slice()));
                         let remembered = temporal::Remembered { colours, length: kept_before, change: found };

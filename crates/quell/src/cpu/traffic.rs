@@ -13,7 +13,7 @@ const MOTION: u32 = 2 * SCALAR;
 /// Confidence and length for the caller, length for the next frame.
 const TEMPORAL: u32 = 3 * SCALAR;
 /// The detector of changed light: history's colours; its luminance written and read, what changed too; length, fast history read, and
-/// once more where it is blended; written.
+/// once more where it is blended; written. Cells are a 64th of a pixel.
 const CHANGE: u32 = COLOUR + 8 * SCALAR;
 /// A finished image from phase order into the host's: read and written.
 const SHOWN: u32 = 2 * COLOUR;

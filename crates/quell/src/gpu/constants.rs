@@ -38,6 +38,8 @@ const ALL: &[(&str, Number)] = &[
     ("HALF_MAX", F32(half::HALF_MAX)),
     // The real-time filter.
     ("CLIP_LEAST_SHARE", F32(clip::LEAST_SHARE)),
+    ("CHANGE_CELL", I32(change::CELL as i32)),
+    ("CHANGE_OWN", F32(change::OWN)),
     ("CHANGE_DARKEST", U32(change::DARKEST)),
     ("CHANGE_LEAST_TAPS", F32(change::LEAST_TAPS)),
     ("CHANGE_LEAST_VARIANCE", F32(change::LEAST_VARIANCE)),

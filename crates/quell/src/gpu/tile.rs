@@ -11,6 +11,7 @@ use super::error::Error;
 use super::planes::extent_of;
 use super::program::Role;
 use crate::denoiser::MAX_EXTENT;
+use crate::frame::Signal;
 use crate::kernels::spiral::PERIOD;
 use crate::pipeline::{Inputs, Plan};
 use crate::plane::Size;
@@ -101,9 +102,11 @@ impl Denoiser {
 }
 
 /// How far from a pixel its results depend on images of the same frame, in pixels along an axis, for a picture of
-/// `rows` rows: what the stages say, added up ([`Plan::reach_px`]). History is not in it.
+/// `rows` rows: what the stages say, added up ([`Plan::reach_px`]), and what `changed_light` sees of history around the
+/// pixel's own place. History where motion leads is not in it.
 pub fn reach_px(settings: &Settings, rows: usize) -> usize {
-    Plan::new(settings, Inputs::ALL).reach_px(settings, rows)
+    let seen = Signal::ALL.map(|signal| settings.changed_light.reach_px(signal));
+    Plan::new(settings, Inputs::ALL).reach_px(settings, rows) + seen[0].max(seen[1])
 }
 
 #[cfg(test)]

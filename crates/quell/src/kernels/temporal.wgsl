@@ -1,6 +1,6 @@
 // Twin of temporal.rs: what stages 3 and 8 share once they know where history lies: fetch, clamp, blend.
 //
-// `current`: the host's colours; `history`, `history_length`: what the frame before left.
+// `current`: the host's colours; `history`, `history_length`: what the frame before left; `changed`: c of change.wgsl.
 
 // What stage 3 or 8 writes at one pixel.
 struct Accumulated {
@@ -87,6 +87,7 @@ fn accumulate(
     blend: Blend,
     pixel: vec2i,
     lookup: Lookup,
+    changed: f32,
     current: texture_2d<f32>,
     history: texture_2d<f32>,
     history_length: texture_2d<f32>,
@@ -94,7 +95,7 @@ fn accumulate(
     let now = input_colour(textureLoad(current, pixel, 0));
     let depth = depth_at(pixel);
     let trust = lookup.trust * moving_at(pixel, depth).confidence_in;
-    let weighed = weigh(blend, trust, frames_left(blend, lookup, history, history_length));
+    let weighed = weigh(blend, trust, frames_left(blend, lookup, changed, history, history_length));
     let confidence = select(1.0, weighed.confidence, depth != BACKGROUND);
     var texel = weighed.length;
     if looks_for_change(blend) {

@@ -19,6 +19,7 @@ fn accumulate_joint(
     blend: Blend,
     pixel: vec2i,
     lookup: Lookup,
+    changed: f32,
     current: texture_2d<f32>,
     history: texture_2d<f32>,
     history_length: texture_2d<f32>,
@@ -28,7 +29,7 @@ fn accumulate_joint(
     let own = input_colour(textureLoad(pass_current, pixel, 0));
     let depth = depth_at(pixel);
     let trust = lookup.trust * moving_at(pixel, depth).confidence_in;
-    let weighed = weigh(blend, trust, frames_left(blend, lookup, history, history_length));
+    let weighed = weigh(blend, trust, frames_left(blend, lookup, changed, history, history_length));
     let confidence = select(1.0, weighed.confidence, depth != BACKGROUND);
     if weighed.history <= 0.0 {
         return Accumulated(own, confidence, weighed.length, weighed.length);

@@ -315,7 +315,9 @@ fn band(
                 let Scratch { footprint, lookup, expected, shares, old_length, old_fast, .. } = &mut scratch;
                 fetch_scalar(history.length, width, (&*footprint, &*lookup), old_length);
                 if let Some((changed, fast)) = history.change {
-                    shorten(changed, width, (&*footprint, &*lookup), old_length);
+                    if let Some(change) = &weights.change {
+                        shorten(change, &changed[y * width + begin..][..n], old_length);
+                    }
                     fetch_scalar(fast, width, (&*footprint, &*lookup), old_fast);
                 }
                 match out.fast {

@@ -5,7 +5,7 @@
 //! | reads | glossy signal and passes, glossy history, history length, hit distance, guides now and before |
 //! | writes | glossy temporal (which is the next frame's history), confidence, history length |
 //! | changed light | as stage 3 |
-//! | reach | 1 pixel of history around the virtual place; 1 of the hit distance; `clip_radius` of the signal |
+//! | reach | 1 pixel of history around the virtual place; 1 of the hit distance; `clip_radius` of the signal; with `changed_light` up to 8 `radius` + 7 pixels of history around the pixel's own place |
 //! | equation | blend as stage 3; history at the projection of X + d v (reflector at rest), or of the hit point mirrored in its previous plane; on curved ones where the previous eye ray was reflected to the hit point |
 //! | source | \[E, S, I] `docs/paper.md`, stage 8 |
 //! | parameters | `glossy_temporal.*`, `surface.*`, `changed_light.*` |

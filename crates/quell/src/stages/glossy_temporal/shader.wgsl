@@ -33,10 +33,11 @@ fn glossy_temporal_lookup(pixel: vec2i) -> Lookup {
 // Stage 8 at one pixel.
 fn glossy_temporal(
     pixel: vec2i,
+    changed: f32,
     current: texture_2d<f32>,
     history: texture_2d<f32>,
     history_length: texture_2d<f32>,
 ) -> Accumulated {
     let lookup = glossy_temporal_lookup(pixel);
-    return accumulate(settings.glossy_blend, pixel, lookup, current, history, history_length);
+    return accumulate(settings.glossy_blend, pixel, lookup, changed, current, history, history_length);
 }

@@ -1,6 +1,6 @@
 //! Stages 3 and 8 once they know where history lies, on runs of pixels: fetch, clamp, blend.
 
-use crate::kernels::change::{kept_light, rounded_light};
+use crate::kernels::change::{Change, kept_light, rounded_light};
 use crate::kernels::clip::{ColourBox, follow_itself};
 use crate::kernels::reproject_cpu::{Footprint, LANES, Lanes, Lanes3, Lookup};
 use crate::kernels::temporal::{Blend, blend, clamp_history};
@@ -62,30 +62,12 @@ pub(crate) fn fetch_scalar(data: &[f32], width: usize, (footprint, lookup): (&Fo
     }
 }
 
-/// Shortens history where light has changed, as the pixel says that counts most, the first of equals.
+/// Shortens history where light has changed.
 #[inline(always)]
-pub(crate) fn shorten(changed: &[f32], width: usize, (footprint, lookup): (&Footprint, &Lookup), length: &mut Lanes) {
-    let (mut most, mut found): (Lanes, Lanes) = ([0.0; LANES], [0.0; LANES]);
-    for k in 0..4 {
-        let (place, weight) = (&footprint.place[k], &lookup.weight[k]);
-        for &(first, n) in &footprint.segments.runs[..footprint.segments.count] {
-            let source = &changed[place.row[first] as usize * width + place.element[first] as usize..][..n];
-            let (most, found) = (&mut most[first..][..n], &mut found[first..][..n]);
-            for ((most, found), (weight, value)) in most.iter_mut().zip(found).zip(weight[first..].iter().zip(source)) {
-                let is_more = *weight > *most;
-                *found = if is_more { *value } else { *found };
-                *most = if is_more { *weight } else { *most };
-            }
-        }
-        for &i in footprint.segments.singles() {
-            if weight[i] > most[i] {
-                most[i] = weight[i];
-                found[i] = changed[place.row[i] as usize * width + place.element[i] as usize];
-            }
-        }
-    }
-    for i in 0..LANES {
-        length[i] *= 1.0 - found[i];
+pub(crate) fn shorten(change: &Change, changed: &[f32], length: &mut Lanes) {
+    let change = *change;
+    for (length, changed) in length.iter_mut().zip(changed) {
+        *length = change.left(*length, *changed);
     }
 }
 

@@ -4,8 +4,8 @@
 //! |---|---|
 //! | reads | matte signal and passes, matte history, history length N, feature buffers now and before, the host's `confidence_in` |
 //! | writes | matte temporal, confidence, the new history length min(rho N + 1, 4096) |
-//! | changed light | where `changed_light` is on: N is first multiplied by 1 - c, c of `kernels/change.rs` at the pixel of history that counts most; written beside N: the fast history F' = v F + (1 - v) luminance of c, v = rho min(`fast`, N / (N + 1)) |
-//! | reach | 1 pixel of history around the reprojected place; `clip_radius` pixels of the current signal |
+//! | changed light | where `changed_light` is on: N is first shortened as `kernels/change.rs` says; written beside N: the fast history F' = v F + (1 - v) luminance of c, v = rho min(`fast`, N / (N + 1)) |
+//! | reach | 1 pixel of history around the reprojected place; `clip_radius` pixels of the current signal; with `changed_light` up to 8 `radius` + 7 pixels of history around the pixel's own place |
 //! | equation | out = w h + (1 - w) c, w = rho min(alpha, N / (N + 1)) (without `ramp`: rho alpha); confidence = rho min(1, N / `surface.confidence_frames`); h clamped to the neighbourhood of c where `clip` says so |
 //! | source | \[E, S, I] `docs/paper.md`, stage 3 |
 //! | parameters | `matte_temporal.*`, `surface.*`, `changed_light.*` |

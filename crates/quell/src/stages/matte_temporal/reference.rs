@@ -2,7 +2,7 @@
 
 use crate::border::Guides;
 use crate::frame::Rgb;
-use crate::kernels::change::{kept_light, nearest, rounded_light};
+use crate::kernels::change::{kept_light, rounded_light};
 use crate::kernels::reproject::{Lookup, expected_surface, surface_lookup};
 use crate::kernels::temporal::{Blend, blend, clamp_history, fetch, fetch_scalar};
 use crate::par;
@@ -72,8 +72,8 @@ pub(crate) fn accumulate(
         let mut lookup = if now.is_surface(x, y) { look_up(history.guides, x, y) } else { Lookup::default() };
         lookup.trust *= now.confidence_in.at(x, y);
         let mut length = fetch_scalar(history.length, &lookup);
-        if let Some(changed) = &changed {
-            length *= 1.0 - changed.data()[nearest(&lookup)];
+        if let Some((change, changed)) = weights.change.zip(changed.as_ref()) {
+            length = change.left(length, changed.at(x, y));
         }
         let weighed = match weights.change {
             Some(_) => weights.weigh::<true>(lookup.trust, length),

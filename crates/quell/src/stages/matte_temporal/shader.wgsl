@@ -15,10 +15,11 @@ fn matte_temporal_lookup(pixel: vec2i) -> Lookup {
 // Stage 3 at one pixel.
 fn matte_temporal(
     pixel: vec2i,
+    changed: f32,
     current: texture_2d<f32>,
     history: texture_2d<f32>,
     history_length: texture_2d<f32>,
 ) -> Accumulated {
     let lookup = matte_temporal_lookup(pixel);
-    return accumulate(settings.matte_blend, pixel, lookup, current, history, history_length);
+    return accumulate(settings.matte_blend, pixel, lookup, changed, current, history, history_length);
 }

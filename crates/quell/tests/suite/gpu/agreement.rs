@@ -187,6 +187,7 @@ const CHANGED: &[(&str, &str)] = &[
     ("changed_light.certain", "4"),
     ("changed_light.least", "0.01"),
     ("changed_light.radius", "2"),
+    ("changed_light.spacing", "2"),
 ];
 
 /// The table: every comparison with its bound.
@@ -396,14 +397,19 @@ pub const PLANTED: &[(&str, &str, &str)] = &[
     ("3, alike", "< settings.surface.normal_min", "< -2.0"),
     ("3", "vec2i(k & 1, k >> 1u)", "vec2i(k >> 1u, k & 1)"),
     ("3", "min(frames / blend.confidence_frames, 1.0)", "1.0"),
-    ("3, changed", "max(spread.y, spread.x * (weights.z / weights.x / blend.fast_frames))", "spread.y"),
-    ("3, changed", "length * (1.0 - changed_light(", "length * (1.0 - 0.0 * changed_light("),
-    ("3, changed, joint", "length * (1.0 - changed_light(", "length * (1.0 - 0.0 * changed_light("),
+    ("3, changed", "max(spread.y, spread.x * (weights.y / weights.x / blend.fast_frames))", "spread.y"),
+    ("3, changed", "max(spread.y, spread.x * (weights.y / weights.x / blend.fast_frames))", "0.0"),
+    ("3, changed", "length * (1.0 - changed * own)", "length"),
+    ("3, changed, joint", "length * (1.0 - changed * own)", "length"),
+    ("3, changed", "min(CHANGE_OWN * change_weight(blend, change_frames(blend, length)), 1.0)", "1.0"),
+    ("3, changed", "vec4f(w, w, w, w * w)", "vec4f(w, w, w, w)"),
+    ("3, changed", "along.x * along.y", "along.x"),
+    ("3, changed", "corner / CHANGE_CELL - blend.change_radius", "corner / CHANGE_CELL - blend.change_radius + 1"),
+    ("3, changed", "vec2f(long, fast - long)", "vec2f(long, fast)"),
     ("3, changed", "(deviations - blend.change_begin)", "deviations"),
-    ("3, changed", "vec2i(dx, dy) * blend.change_spacing", "vec2i(dx, dy)"),
+    ("3, changed", "dx += blend.change_spacing", "dx += 1"),
     ("3, changed", "max(1.0 - blend.fast_frames / frames, 0.0)", "1.0"),
     ("3, changed", "weighed.fast * fast + (1.0 - weighed.fast) * kept_light(now)", "kept_light(now)"),
-    ("3, changed", "if lookup.weight[k] > lookup.weight[best] {", "if lookup.weight[k] < lookup.weight[best] {"),
     ("3, changed", "(CHANGE_DARKEST - 1u);", "CHANGE_DARKEST;"),
     ("3, changed", "return bitcast<f32>(bitcast<u32>(texel) & LENGTH_BITS);", "return texel;"),
     (
@@ -411,7 +417,7 @@ pub const PLANTED: &[(&str, &str, &str)] = &[
         "select(texel, length_beside(texel), is_beside)",
         "select(texel, f32(bitcast<u32>(texel) & CODE_BITS), is_beside)",
     ),
-    ("8, changed", "length * (1.0 - changed_light(", "length * (1.0 - 0.0 * changed_light("),
+    ("8, changed", "length * (1.0 - changed * own)", "length"),
     ("3", "min(blend.alpha, growing)", "blend.alpha"),
     ("8", "v - 2.0 * dot(v, normal) * normal", "v - 1.9 * dot(v, normal) * normal"),
     ("8, plane", "before.coordinate -= frame.jitter;", ""),
@@ -478,8 +484,8 @@ pub const PLANTED: &[(&str, &str, &str)] = &[
     ("5+6, wide", "pixel_in(inner_first - radius - blur, i, wide)", "pixel_in(inner_first - blur, i, wide)"),
     (
         "3+8",
-        "glossy_temporal(pixel, glossy_current, glossy_history, glossy_history_length)",
-        "glossy_temporal(pixel, glossy_current, matte_history, glossy_history_length)",
+        "glossy_temporal(pixel, glossy_changed, glossy_current, glossy_history, glossy_history_length)",
+        "glossy_temporal(pixel, glossy_changed, glossy_current, matte_history, glossy_history_length)",
     ),
     ("3+8", "texel_of(glossy, on_surface)", "texel_of(matte, on_surface)"),
     (
@@ -505,8 +511,8 @@ pub const PLANTED: &[(&str, &str, &str)] = &[
     ("11", "stored_colour(direct_taa(pixel))", "stored_colour(direct_at(pixel))"),
     (
         "8",
-        "let result = glossy_temporal(pixel, current, history, history_length);",
-        "let result = glossy_temporal(pixel, history, history, history_length);",
+        "let result = glossy_temporal(pixel, changed, current, history, history_length);",
+        "let result = glossy_temporal(pixel, changed, history, history, history_length);",
     ),
     ("8", "textureStore(new_length, pixel, vec4f(result.texel))", "textureStore(new_length, pixel, vec4f(1.0))"),
     ("7", "settings.matte_edge, settings.matte_bilateral", "settings.matte_edge, settings.matte_prefilter"),
