@@ -205,9 +205,9 @@ impl<'a> EstimateJob<'a> {
         if self.settings.gather.future { 2 * frames + 1 } else { frames + 1 }
     }
 
-    /// Settings of `gather`.
-    pub fn gather(&self) -> &Gather {
-        &self.settings.gather
+    /// Settings of `gather` of this frame.
+    pub fn gather(&self) -> Gather {
+        gather::settings_of(&self.settings.gather, &self.here().features)
     }
 
     /// Settings of `variance`.
@@ -401,7 +401,7 @@ impl<'a> EstimateJob<'a> {
     /// The same on a chosen back end.
     pub fn on_backend(&self, backend: Backend) -> (Vec<OnCpu>, Vec<(Guide, Vec<u8>)>) {
         let (here, s, stages) = (self.here(), self.settings, stages_of(backend));
-        let gathered = (stages.gather)(self.window, self.centre, &s.gather);
+        let gathered = (stages.gather)(self.window, self.centre, &self.gather());
         let local = (stages.feature_noise)(&here.features);
         let given: Vec<_> = gathered.slots.iter().map(|slot| here.given_variance(slot)).collect();
         let pooled = (stages.variance)(&local, &gathered, &given, &s.variance, &s.wavelet);

@@ -10,7 +10,7 @@ use crate::kernels::math::lerp;
 use crate::par;
 use crate::plane::{Plane, Size};
 use crate::stages::blend::{Blend, BlendFrame};
-use crate::stages::gather::Gathered;
+use crate::stages::gather::{self, Gathered};
 use crate::stages::reflection_motion::ReflectionMotion;
 use crate::stages::stabilise::{Likeness, StabiliseFrame};
 use crate::window::{Features, HalfRows, LightSlot, LocalFeatures, PreparedFrame, Rows, Sparse, Vectors};
@@ -150,7 +150,8 @@ impl Work<'_> {
         let (frame, s) = (self.window[self.centre], self.settings);
         match (stage, &self.local) {
             (SequenceStage::Gather, _) => {
-                self.gathered = (self.stages.gather)(self.window, self.centre, &s.gather);
+                let gather = gather::settings_of(&s.gather, &frame.features);
+                self.gathered = (self.stages.gather)(self.window, self.centre, &gather);
                 self.samples = most_samples(frame.features.size, &self.gathered.moments);
             }
             (SequenceStage::FeatureNoise, _) => self.local = Some((self.stages.feature_noise)(&frame.features)),
@@ -233,13 +234,14 @@ pub(crate) fn finish(
     let mut finished = Finished { passes: Vec::new(), alpha: frame.alpha.clone(), noise: None };
     // A stage that does not run hands its input on.
     let (mut steady, mut shares) = (None, None);
+    let gather = gather::settings_of(&s.gather, &frame.features);
     for stage in plan.stages().filter(|stage| !within_window(*stage)) {
         if stage == SequenceStage::ReflectionMotion {
             continue;
         }
         times.during(stage.name(), || match stage {
             SequenceStage::Stabilise => {
-                let (picture, alpha) = (stages.stabilise)(&stabilise_window(frames), centre, &s.gather, &s.stabilise);
+                let (picture, alpha) = (stages.stabilise)(&stabilise_window(frames), centre, &gather, &s.stabilise);
                 (steady, finished.alpha) = (Some(picture), alpha);
             }
             SequenceStage::PictureResidual => {
@@ -250,7 +252,7 @@ pub(crate) fn finish(
             }
             SequenceStage::Blend => {
                 let after = steady.as_ref().unwrap_or(&estimate.picture);
-                let blend = (stages.blend)(&blend_window(frames), centre, after, (&s.gather, &s.stabilise), &s.blend);
+                let blend = (stages.blend)(&blend_window(frames), centre, after, (&gather, &s.stabilise), &s.blend);
                 finished.alpha = blend_alpha(frame.alpha.as_ref(), finished.alpha.take(), &blend.shares);
                 (shares, finished.noise) = (Some(blend.shares), Some(blend.noise));
             }
@@ -320,21 +322,22 @@ pub(crate) fn blend_view(
 ) -> BlendView {
     let (frame, estimate) = frames[centre];
     let around = stabilise_window(frames);
-    let (mut steady, _) = (stages.stabilise)(&around, centre, &s.gather, &s.stabilise);
+    let gather = gather::settings_of(&s.gather, &frame.features);
+    let (mut steady, _) = (stages.stabilise)(&around, centre, &gather, &s.stabilise);
     if s.residual.correct && s.residual.picture {
         steady = (stages.picture_residual)(frame.features.first_row, &estimate.input, steady, &s.residual);
     }
     let window = blend_window(frames);
     let of =
-        |steady: &Plane<Rgb>| crate::stages::blend::cpu::inputs(&window, centre, steady, (&s.gather, &s.stabilise));
+        |steady: &Plane<Rgb>| crate::stages::blend::cpu::inputs(&window, centre, steady, (&gather, &s.stabilise));
     let ((_, noise), (before, own_noise)) = (of(&steady), of(&estimate.picture));
-    let inputs = crate::stages::blend::cpu::read_by_net(&window, centre, &steady, (&s.gather, &s.stabilise));
+    let inputs = crate::stages::blend::cpu::read_by_net(&window, centre, &steady, (&gather, &s.stabilise));
     let chosen: Vec<_> = (0..noise.size().pixels())
         .filter(|i| every > 0 && (i.wrapping_mul(0x9e37_79b9) >> 16) % every == 0)
         .map(|i| (i % noise.size().width, i / noise.size().width))
         .collect();
     let rows = 0..noise.size().height;
-    let joint = crate::stages::stabilise::joint::Joint::new(&around, centre, &s.gather, &s.stabilise, rows);
+    let joint = crate::stages::stabilise::joint::Joint::new(&around, centre, &gather, &s.stabilise, rows);
     let (taps, inverse) = crate::stages::stabilise::joint::training_taps(&joint, &chosen);
     let candidates = [estimate.input.clone(), estimate.picture.clone(), steady];
     BlendView { number: frame.number, candidates, inputs, noise, own_noise, inverse, before, chosen, taps }

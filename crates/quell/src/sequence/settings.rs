@@ -61,6 +61,8 @@ parameters! {
             higher "Noisier reflections.", lower "They smear.", source "ours";
         plane_distance: f32 = 2.0, 0.0..=64.0, "pixel sizes at that depth", "Distance from the tangent plane at which a point of another frame is another surface.",
             higher "Samples cross small steps.", lower "Curved surfaces lose samples.", source "ours";
+        camera_plane_distance: f32 = 0.5, 0.0..=64.0, "pixel sizes at that depth", "The same where motion is the camera's alone, as of files without motion vectors.",
+            higher "Things that move by themselves smear.", lower "Noisier where positions are noisy.", source "ours: docs/trials.md";
         travel: f32 = 0.25, 0.0..=1.0, "of the picture's height", "How far up or down a trajectory may lead from its pixel.",
             higher "Fast vertical motion keeps more frames; bands of a picture need wider margins.", lower "It loses samples.", source "ours: docs/sequence.md";
         round_trip: f32 = 0.15, 0.0..=16.0, "pixels", "Forward-backward error of motion that is allowed for a moving surface.",
@@ -79,6 +81,8 @@ parameters! {
             higher "Ghosts.", lower "What comes nearer loses samples.", source "ours";
         moving_weight: f32 = 0.7, 0.0..=1.0, "", "Weight of a sample that was matched by its motion alone.",
             higher "Less noise, more smear on what moves.", lower "Noisier.", source "ours";
+        camera_moving_weight: f32 = 0.0, 0.0..=1.0, "", "The same where motion is the camera's alone: it leads nowhere on what moves by itself.",
+            higher "Less noise, smear on what moves.", lower "Noisier.", source "ours: docs/trials.md";
         least_share: f32 = 0.01, 0.0..=0.25, "of a pixel", "Pixels of the bilinear footprint with less are left out.",
             higher "Cheaper, a little blocky.", lower "Dearer.", source "ours";
         light_deviations: f32 = 1.0, 0.0..=64.0, "standard deviations", "How far a light's mean around the pixel may differ in another frame, in deviations of both means, where noise is weak.",

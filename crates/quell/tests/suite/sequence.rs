@@ -347,6 +347,46 @@ fn a_texture_that_slides_without_motion_vectors_stays() {
     assert!(known < 0.7 * trusted, "{known} {trusted}");
 }
 
+/// A wall with a pattern of light of its own comes nearer, in a file without motion vectors: the camera, which rests, is no
+/// reason to take the frames around for the same place.
+#[test]
+fn what_comes_nearer_without_motion_vectors_is_not_gathered() {
+    let stripes = |x: usize, t: i64| if (x as i64 + 3 * t).rem_euclid(8) < 4 { 0.2 } else { 1.0 };
+    let comes = |camera_motion: bool| {
+        move |t: i64| {
+            let mut f = frame(0);
+            f.number = t;
+            let nearer = 0.2 * t as f32;
+            f.depth = Some(Plane::filled(SIZE, 4.0 - nearer));
+            f.position = Some(Plane::from_fn(SIZE, |x, y| [x as f32 * 0.1, y as f32 * -0.1, nearer]));
+            f.motion_to_previous = Some(Plane::filled(SIZE, [0.0; 2]));
+            f.motion_to_next = f.motion_to_previous.clone();
+            f.camera_motion = camera_motion;
+            f.lights.truncate(1);
+            f.lights[0].joint.clear();
+            f.lights[0].weight = None;
+            f.lights[0].light = Plane::from_fn(SIZE, |x, y| [stripes(x, t) * (0.9 + 0.2 * random(x, y, t, 3)); 3]);
+            f
+        }
+    };
+    // Without the help of the light itself, and of the stages after.
+    let loose = settings(&[
+        ("gather.light_deviations", "64"),
+        ("gather.light_deviations_high", "64"),
+        ("gather.light_contrast", "1"),
+        ("residual.correct", "off"),
+        ("stabilise.frames", "0"),
+        ("blend.choose", "off"),
+    ]);
+    let error = |camera_motion: bool| -> f32 {
+        let out = run(&loose, (0..7).map(comes(camera_motion)));
+        let pixels = out[3].lights[0].planes[0].data().iter().enumerate();
+        pixels.map(|(i, light)| (light[0] - stripes(i % SIZE.width, 3)).abs()).sum::<f32>() / SIZE.pixels() as f32
+    };
+    let [known, trusted] = [true, false].map(error);
+    assert!(known < 0.3 * trusted, "{known} {trusted}");
+}
+
 #[test]
 fn wild_frames_do_no_harm() {
     let tiny = Size::new(1, 1);

@@ -14,7 +14,8 @@
 //! A sample is a pixel of one frame: the mean of its paths. A pixel's surface is followed by its motion, frame by frame
 //! (`trajectory.rs`), and each sample is fetched once: no repeated resampling. A pixel there shows the same surface where it
 //! lies on the tangent plane of the surface here and normals agree (it stands). Off that plane, it must have about the same depth and
-//! normal, and motion there and back again must end where it began, where there is motion back (it moves; `moving_weight`).
+//! normal, and motion there and back again must end where it began, where there is motion back (it moves; `moving_weight`). Where motion is
+//! the camera's alone, `camera_plane_distance` and `camera_moving_weight` take their place ([`settings_of`]).
 //! Light that changed is other light, however sure the surface: a shadow or a lamp that moves, a highlight on what turns. What a
 //! surface or the sky emits passes as it is where no medium is lit.
 //! Where one seed was used for all frames, samples of a pixel that stands are left out: they have the same noise.
@@ -57,6 +58,16 @@ pub(crate) fn reach(s: &Gather) -> Reach {
 
 /// Rows that the bilinear footprint reads beyond those that motion leads to.
 const FOOTPRINT: usize = 2;
+
+/// The settings of a frame. Where motion is the camera's alone, a surface is followed only while it stays where it was in
+/// the world, more strictly, and nothing is followed by motion alone.
+pub(crate) fn settings_of(s: &Gather, features: &Features) -> Gather {
+    if features.camera_motion {
+        Gather { plane_distance: s.camera_plane_distance, moving_weight: s.camera_moving_weight, ..*s }
+    } else {
+        s.clone()
+    }
+}
 
 /// Weight of a sample one frame further away.
 pub(crate) fn decay(gather: &Gather, kind: LightKind) -> f32 {
