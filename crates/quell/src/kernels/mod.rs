@@ -10,7 +10,7 @@
 //! | `guide_distance` | edge-stopping functions of feature buffers | sequence |
 //! | `net`, `conv` | small nets: of a pixel's statistics; convolutional | sequence |
 //! | `bilinear`, `math`, `halves` | footprints; functions with the same bits on every machine | both |
-//! | `lanes` | sixteen pixels of a row on vectors | sequence |
+//! | `lanes`, `lit_blocks` | sixteen pixels of a row on vectors; where they hold light at all | sequence |
 //!
 //! `*_cpu.rs` are twins on vectors, `*.wgsl` on the GPU.
 
@@ -31,6 +31,8 @@ pub(crate) mod guide_distance_cpu;
 pub(crate) mod halves;
 #[cfg(feature = "cpu")]
 pub(crate) mod lanes;
+#[cfg(feature = "cpu")]
+pub(crate) mod lit_blocks;
 pub mod math;
 pub mod mirror_image;
 #[cfg(feature = "cpu")]

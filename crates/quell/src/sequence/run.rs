@@ -328,8 +328,7 @@ pub(crate) fn blend_view(
         steady = (stages.picture_residual)(frame.features.first_row, &estimate.input, steady, &s.residual);
     }
     let window = blend_window(frames);
-    let of =
-        |steady: &Plane<Rgb>| crate::stages::blend::cpu::inputs(&window, centre, steady, (&gather, &s.stabilise));
+    let of = |steady: &Plane<Rgb>| crate::stages::blend::cpu::inputs(&window, centre, steady, (&gather, &s.stabilise));
     let ((_, noise), (before, own_noise)) = (of(&steady), of(&estimate.picture));
     let inputs = crate::stages::blend::cpu::read_by_net(&window, centre, &steady, (&gather, &s.stabilise));
     let chosen: Vec<_> = (0..noise.size().pixels())

@@ -2,6 +2,8 @@
 
 use crate::plane::Size;
 use crate::sequence::LightKind;
+#[cfg(feature = "cpu")]
+use crate::window::LightSlot;
 
 /// Feature buffers that filters within one frame read; one number a pixel, row by row.
 #[derive(Clone, Debug, PartialEq)]
@@ -52,6 +54,17 @@ pub enum Class {
 impl Class {
     #[cfg(feature = "cpu")]
     pub(crate) const ALL: [Self; 4] = [Self::Surface, Self::Seen, Self::Coloured, Self::Free];
+
+    /// The classes of the lights that take part; nothing where none does.
+    #[cfg(feature = "cpu")]
+    #[inline(always)]
+    pub(crate) fn wanted(slots: &[LightSlot], takes_part: impl Fn(usize) -> bool) -> Option<[bool; Self::ALL.len()]> {
+        let mut wanted = [false; Self::ALL.len()];
+        for (l, slot) in slots.iter().enumerate() {
+            wanted[Self::of(slot.kind) as usize] |= takes_part(l);
+        }
+        wanted.contains(&true).then_some(wanted)
+    }
 
     /// The class of a kind of light.
     pub fn of(kind: LightKind) -> Self {

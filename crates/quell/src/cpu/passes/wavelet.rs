@@ -1,5 +1,6 @@
 //! Stage `wavelet`, level by level and row by row.
 
+use crate::kernels::lit_blocks::LitBlocks;
 use crate::par;
 use crate::plane::Size;
 use crate::sequence::settings::Wavelet;
@@ -14,21 +15,37 @@ pub(crate) fn run(local: &LocalFeatures, slots: &[LightSlot], colours: Rows, var
     let most = slots.iter().map(|slot| levels(s, slot.kind)).max().unwrap_or(0);
     let mut stops: Option<Rows> = None;
     for level in 0..most {
-        let compared = compared(local, slots, &colours, &variance, s);
+        let lit = lit_blocks(slots, &colours, &variance);
+        let compared = compared(local, slots, (&colours, &variance, &lit), s);
         let stops = &*stops.get_or_insert_with(|| self::stops(local, slots, &compared, s));
         let active: Vec<usize> = (0..slots.len()).filter(|&l| levels(s, slots[l].kind) > level).collect();
         let (step, correlation) = (1 << level, correlation(level));
-        let level = Level { local, slots, compared: &compared, stops, step, correlation, active: &active, settings: s };
+        let active = &active;
+        let level =
+            Level { local, slots, compared: &compared, stops, step, correlation, active, lit: &lit, settings: s };
         filter(&level, &mut colours, &mut variance);
     }
     colours
 }
 
-fn compared(local: &LocalFeatures, slots: &[LightSlot], colours: &Rows, variance: &Rows, s: &Wavelet) -> Rows {
+/// Where lights have colour or variance: glass and highlights fill few pixels of most pictures, and what is black stays so.
+fn lit_blocks(slots: &[LightSlot], colours: &Rows, variance: &Rows) -> LitBlocks {
+    LitBlocks::new(colours.size(), slots.len(), |y, l| {
+        let channels = 3 * slots[l].first..3 * (slots[l].first + slots[l].planes);
+        channels.map(move |c| colours.row(y, c)).chain(std::iter::once(variance.row(y, l)))
+    })
+}
+
+fn compared(
+    local: &LocalFeatures,
+    slots: &[LightSlot],
+    (colours, variance, lit): (&Rows, &Rows, &LitBlocks),
+    s: &Wavelet,
+) -> Rows {
     let lights = slots.len();
     let mut out = Rows::new(local.size, 2 * lights);
     par::rows(out.data_mut(), (2 * lights * local.size.width).max(1), |y, out| {
-        dispatch!(crate::simd::level(), simd => compared_row(simd, local, slots, (colours, variance), s, y, out));
+        dispatch!(crate::simd::level(), simd => compared_row(simd, local, slots, (colours, variance, lit), s, y, out));
     });
     out
 }

@@ -15,7 +15,7 @@
 //! (`trajectory.rs`), and each sample is fetched once: no repeated resampling. A pixel there shows the same surface where it
 //! lies on the tangent plane of the surface here and normals agree (it stands). Off that plane, it must have about the same depth and
 //! normal, and motion there and back again must end where it began, where there is motion back (it moves; `moving_weight`). Where motion is
-//! the camera's alone, `camera_plane_distance` and `camera_moving_weight` take their place ([`settings_of`]).
+//! the camera's alone, `camera_plane_distance` and `camera_moving_weight` take their place.
 //! Light that changed is other light, however sure the surface: a shadow or a lamp that moves, a highlight on what turns. What a
 //! surface or the sky emits passes as it is where no medium is lit.
 //! Where one seed was used for all frames, samples of a pixel that stands are left out: they have the same noise.

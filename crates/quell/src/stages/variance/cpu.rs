@@ -2,6 +2,7 @@
 
 use crate::kernels::guide_distance_cpu::{Distances, Guides, inside, three_rows, weight};
 use crate::kernels::lanes::{BLOCK, store};
+use crate::kernels::lit_blocks::LitBlocks;
 use crate::kernels::math::LUMINANCE;
 use crate::plane::Plane;
 use crate::sequence::settings::{Variance, Wavelet};
@@ -14,7 +15,7 @@ use fearless_simd::{Simd, f32x16, prelude::*};
 pub(crate) fn row<S: Simd>(
     simd: S,
     local: &LocalFeatures,
-    gathered: &Gathered,
+    (gathered, lit): (&Gathered, &LitBlocks),
     given: &[Option<Plane<f32>>],
     (s, wavelet): (&Variance, &Wavelet),
     y: usize,
@@ -23,19 +24,24 @@ pub(crate) fn row<S: Simd>(
     let (w, h) = (local.size.width, local.size.height);
     let slots = &gathered.slots;
     let lights = slots.len();
-    let wanted = Class::ALL.map(|c| slots.iter().any(|slot| Class::of(slot.kind) == c));
-    let mut distances = Distances::new(s.radius as usize);
+    let radius = s.radius as usize;
+    let rows = y.saturating_sub(radius)..(y + radius + 1).min(h);
+    let mut distances = Distances::new(radius);
     // Per light: pooled spread, its degrees of freedom, and the moments of the means with their weight.
     let mut sums = vec![0.0f32; lights * 5 * w];
+    let has_given = |l: usize| given.get(l).is_some_and(Option::is_some);
     for x in (0..w).step_by(BLOCK) {
+        let lit = lit.within(rows.clone(), x as isize - radius as isize..(x + BLOCK + radius) as isize);
+        let takes_part = |l: usize| lit.has(l) || has_given(l);
+        let Some(wanted) = Class::wanted(slots, takes_part) else { continue };
         if distances.reach_edge(x, w, 1) {
             let guides = Guides::<_, true>::new(simd, local, wavelet, wanted, [x, y]);
             distances.find(&guides, h, 1);
-            moments::<true, _>(simd, gathered, &distances, x, &mut sums);
+            moments::<true, _>(simd, gathered, takes_part, &distances, x, &mut sums);
         } else {
             let guides = Guides::<_, false>::new(simd, local, wavelet, wanted, [x, y]);
             distances.find(&guides, h, 1);
-            moments::<false, _>(simd, gathered, &distances, x, &mut sums);
+            moments::<false, _>(simd, gathered, takes_part, &distances, x, &mut sums);
         }
     }
     for l in 0..lights {
@@ -44,6 +50,10 @@ pub(crate) fn row<S: Simd>(
         for x in 0..w {
             let sum = |k: usize| sums[(5 * l + k) * w + x];
             let (spread, freedom, first, second, total) = (sum(0), sum(1), sum(2), sum(3), sum(4));
+            if total == 0.0 {
+                out[l * w + x] = 0.0; // black
+                continue;
+            }
             let over_time = if freedom > 0.0 { spread / freedom } else { 0.0 };
             let mean = first / total;
             let over_space = (second / total - mean * mean).max(0.0) * count[x];
@@ -54,12 +64,19 @@ pub(crate) fn row<S: Simd>(
     }
 }
 
-/// Sums over the taps of the pixels from `x` on, five a light.
+/// Sums over the taps of the pixels from `x` on, five a light; of those that do not take part they stay 0.
 #[inline(always)]
-fn moments<const EDGE: bool, S: Simd>(simd: S, gathered: &Gathered, distances: &Distances, x: usize, sums: &mut [f32]) {
+fn moments<const EDGE: bool, S: Simd>(
+    simd: S,
+    gathered: &Gathered,
+    takes_part: impl Fn(usize) -> bool,
+    distances: &Distances,
+    x: usize,
+    sums: &mut [f32],
+) {
     let w = gathered.colours.size().width;
     let zero = f32x16::splat(simd, 0.0);
-    for (l, slot) in gathered.slots.iter().enumerate() {
+    for (l, slot) in gathered.slots.iter().enumerate().filter(|(l, _)| takes_part(*l)) {
         let (mut pooled, mut freedoms, mut total) = (zero, zero, zero);
         let (mut first, mut second) = (zero, zero);
         for (tap, distance) in distances.of(Class::of(slot.kind)) {

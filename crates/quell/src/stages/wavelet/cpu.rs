@@ -4,25 +4,25 @@
 use super::{LEAST_VARIANCE, SPLINE, TENT, tolerance};
 use crate::kernels::guide_distance_cpu::{Distances, Guides, Tap, inside, three_rows, weight};
 use crate::kernels::lanes::{BLOCK, load, store};
+use crate::kernels::lit_blocks::{Lit, LitBlocks};
 use crate::kernels::math::LUMINANCE;
 use crate::plane::Size;
 use crate::sequence::settings::Wavelet;
 use crate::window::{Class, Features, LightSlot, LocalFeatures, Rows};
 use fearless_simd::{Simd, f32x16, prelude::*};
 
-/// One row of two channels a light: mean luminance over 3x3 of the same surface, and its variance.
+/// One row of two channels a light: mean luminance over 3x3 of the same surface, and its variance. `out` is 0 before.
 #[inline(always)]
 pub(crate) fn compared_row<S: Simd>(
     simd: S,
     local: &LocalFeatures,
     slots: &[LightSlot],
-    (colours, variance): (&Rows, &Rows),
+    (colours, variance, lit): (&Rows, &Rows, &LitBlocks),
     s: &Wavelet,
     y: usize,
     out: &mut [f32],
 ) {
     let (w, h) = (local.size.width, local.size.height);
-    let wanted = Class::ALL.map(|c| slots.iter().any(|slot| Class::of(slot.kind) == c));
     let mut distances = Distances::new(1);
     // Of each light the luminance of the rows that taps lie in: found once, not at every tap.
     let mut luminances = Rows::new(Size::new(w, 3), slots.len());
@@ -32,16 +32,19 @@ pub(crate) fn compared_row<S: Simd>(
     }
     let images = Compared { luminances: &luminances, first, variance };
     for x in (0..w).step_by(BLOCK) {
+        let lit = lit.within(first..(y + 2).min(h), x as isize - 1..(x + BLOCK + 1) as isize);
+        let Some(wanted) = Class::wanted(slots, |l| lit.has(l)) else { continue };
+        let at = ((x, y), s.step * s.step);
         if distances.reach_edge(x, w, 1) {
             let guides = Guides::<_, true>::new(simd, local, s, wanted, [x, y]);
             distances.find(&guides, h, 1);
             distances.weigh(simd, wanted);
-            means::<true, _>(simd, slots, &images, &distances, ((x, y), s.step * s.step), out);
+            means::<true, _>(simd, (slots, lit), &images, &distances, at, out);
         } else {
             let guides = Guides::<_, false>::new(simd, local, s, wanted, [x, y]);
             distances.find(&guides, h, 1);
             distances.weigh(simd, wanted);
-            means::<false, _>(simd, slots, &images, &distances, ((x, y), s.step * s.step), out);
+            means::<false, _>(simd, (slots, lit), &images, &distances, at, out);
         }
     }
 }
@@ -77,7 +80,7 @@ struct Compared<'a> {
 #[inline(always)]
 fn means<const EDGE: bool, S: Simd>(
     simd: S,
-    slots: &[LightSlot],
+    (slots, lit): (&[LightSlot], Lit),
     Compared { luminances, first, variance }: &Compared<'_>,
     distances: &Distances,
     ((x, y), squared): ((usize, usize), f32),
@@ -86,7 +89,7 @@ fn means<const EDGE: bool, S: Simd>(
     let w = variance.size().width;
     let (one, two) = (f32x16::splat(simd, 1.0), f32x16::splat(simd, 2.0));
     let zero = f32x16::splat(simd, 0.0);
-    for (l, slot) in slots.iter().enumerate() {
+    for (l, slot) in slots.iter().enumerate().filter(|(l, _)| lit.has(*l)) {
         let (mut mean, mut spread, mut total) = (zero, zero, zero);
         let own = load::<EDGE, _>(simd, luminances.row(y - first, l), x as isize);
         let own_variance = load::<EDGE, _>(simd, variance.row(y, l), x as isize);
@@ -122,6 +125,8 @@ pub(crate) struct Level<'a> {
     pub correlation: f32,
     /// The lights that take part.
     pub active: &'a [usize],
+    /// Where lights have colour or variance before the level.
+    pub lit: &'a LitBlocks,
     pub settings: &'a Wavelet,
 }
 
@@ -138,7 +143,6 @@ impl Level<'_> {
     ) {
         let Self { local, slots, step, active, settings: s, .. } = *self;
         let (w, h) = (local.size.width, local.size.height);
-        let wanted = Class::ALL.map(|c| active.iter().any(|&l| Class::of(slots[l].kind) == c));
         for l in (0..slots.len()).filter(|l| !active.contains(l)) {
             let slot = &slots[l];
             for c in 3 * slot.first..3 * (slot.first + slot.planes) {
@@ -150,7 +154,18 @@ impl Level<'_> {
         let mut places = vec![Place::default(); distances.most()];
         let mut weights = vec![[0.0; BLOCK]; distances.most()];
         let images = (colours, variance);
+        let rows = || (-2..=2).filter_map(|dy| y.checked_add_signed(dy * step)).filter(|row| *row < h);
         for x in (0..w).step_by(BLOCK) {
+            let lit = self.lit.within(rows(), x as isize - 2 * step..(x + BLOCK) as isize + 2 * step);
+            for &l in active.iter().filter(|&&l| !lit.has(l)) {
+                let slot = &slots[l];
+                let end = (x + BLOCK).min(w);
+                for c in 3 * slot.first..3 * (slot.first + slot.planes) {
+                    out[c * w..][x..end].fill(0.0);
+                }
+                out_variance[l * w..][x..end].fill(0.0);
+            }
+            let Some(wanted) = Class::wanted(slots, |l| lit.has(l) && active.contains(&l)) else { continue };
             let at_edge = distances.reach_edge(x, w, step);
             if at_edge {
                 let guides = Guides::<_, true>::new(simd, local, s, wanted, [x, y]);
@@ -169,7 +184,7 @@ impl Level<'_> {
                 };
             }
             let block = Block { x, distances: &distances, places: &places };
-            for &l in active {
+            for &l in active.iter().filter(|&&l| lit.has(l)) {
                 if at_edge {
                     self.light::<true, _>(simd, images, (l, y), block, &mut weights, (out, out_variance));
                 } else {

@@ -27,7 +27,9 @@ pub mod reference;
 
 use crate::frame::Signal;
 use crate::reach::Reach;
-use crate::settings::{Settings, YoungFilter};
+#[cfg(feature = "gpu")]
+use crate::settings::Settings;
+use crate::settings::YoungFilter;
 use crate::stages::glossy_bilateral::LOBE_SPREAD;
 
 /// Levels.
@@ -51,6 +53,7 @@ pub(crate) fn ends(s: &YoungFilter, signal: Signal) -> [f32; LEVELS] {
 }
 
 /// Pixels between the taps of the last matte level that will run, where stage 5 reads what that leaves.
+#[cfg(feature = "gpu")]
 pub(crate) fn last_before_blend(s: &Settings) -> Option<usize> {
     let acting = ends(&s.young_filter, Signal::Matte).iter().filter(|end| **end > 1.0).count() as u32;
     (s.disocclusion.enabled && acting > 0).then(|| step_px(acting - 1))

@@ -4,6 +4,7 @@ use super::{Asked, FREE, LEAST, MOST, RADIUS, SECOND_DIFFERENCE, STEPS, STRONGES
 use crate::kernels::lanes::{
     BLOCK, inside, load, load_halves, load_halves_within, load_row, load_within, store, whole,
 };
+use crate::kernels::lit_blocks::{Lit, LitBlocks};
 use crate::kernels::math::luminance;
 use crate::par;
 use crate::sequence::settings::Gather;
@@ -35,13 +36,14 @@ pub(super) fn data(
     let job = Job { f, lights, scale, s, surface: Surface::new(f) };
     // Row by row, of each row the means of all lights, then their deviations.
     let mut near = vec![f16::ZERO; 2 * n * f.size.pixels()];
-    let (light, lit) = (job.luminances(samples), job.lit(media, samples));
+    let (light, medium) = (job.luminances(samples), job.medium(media, samples));
+    let lit = LitBlocks::new(f.size, n, |y, l| std::iter::once(&light[l].row(y)[PAD..PAD + w]));
     par::rows(&mut near, 2 * n * w, |y, out| {
         let mut row = vec![0.0f32; out.len()];
-        dispatch!(crate::simd::level(), simd => job.near(simd, &light, lit.as_ref(), y, &mut row));
+        dispatch!(crate::simd::level(), simd => job.near(simd, (&light, &lit), medium.as_ref(), y, &mut row));
         out.convert_from_f32_slice(&row);
     });
-    drop((light, lit));
+    drop((light, lit, medium));
     par::rows(&mut data, 2 * n * w, |y, out| {
         let mut row = vec![0.0f32; out.len()];
         dispatch!(crate::simd::level(), simd => job.wide(simd, &near, y, &mut row));
@@ -177,7 +179,7 @@ impl Job<'_> {
     }
 
     /// 1 where a medium has light, where that is asked.
-    fn lit(&self, media: &[usize], samples: &Packed) -> Option<Padded> {
+    fn medium(&self, media: &[usize], samples: &Packed) -> Option<Padded> {
         let (w, h) = (self.f.size.width, self.f.size.height);
         (!media.is_empty() && self.lights.iter().any(|light| light.behind)).then(|| {
             Padded::new(w, h, |y, row| {
@@ -191,21 +193,30 @@ impl Job<'_> {
 
     /// A row of means over 5x5 pixels, light by light, then of their deviations.
     #[inline(always)]
-    fn near<S: Simd>(&self, simd: S, light: &[Padded], lit: Option<&Padded>, y: usize, out: &mut [f32]) {
+    fn near<S: Simd>(
+        &self,
+        simd: S,
+        (light, lit): (&[Padded], &LitBlocks),
+        medium: Option<&Padded>,
+        y: usize,
+        out: &mut [f32],
+    ) {
         let (w, h, n) = (self.f.size.width, self.f.size.height, self.lights.len());
         let rows = y.saturating_sub(RADIUS as usize)..(y + RADIUS as usize + 1).min(h);
         let stride = light[0].stride;
         let mut noises = vec![[0.0f32; 2 * BLOCK]; n * w.div_ceil(BLOCK)];
         let mut column = vec![0.0f32; stride];
-        for (light, noises) in light.iter().zip(noises.chunks_exact_mut(w.div_ceil(BLOCK))) {
-            least_noise(simd, light, (y, h), &mut column, noises);
+        let lit_here = lit.within(rows.clone(), 0..w as isize);
+        for (l, noises) in noises.chunks_exact_mut(w.div_ceil(BLOCK)).enumerate().filter(|(l, _)| lit_here.has(*l)) {
+            least_noise(simd, &light[l], (y, h), &mut column, noises);
         }
         for x in (0..w).step_by(BLOCK) {
             let found = (rows.clone(), &noises[..]);
+            let lit = lit.within(rows.clone(), x as isize - RADIUS..(x + BLOCK) as isize + RADIUS);
             if x < RADIUS as usize || x + BLOCK + RADIUS as usize > w {
-                self.near_block::<true, _>(simd, light, lit, (x, y), found, out);
+                self.near_block::<true, _>(simd, (light, lit), medium, (x, y), found, out);
             } else {
-                self.near_block::<false, _>(simd, light, lit, (x, y), found, out);
+                self.near_block::<false, _>(simd, (light, lit), medium, (x, y), found, out);
             }
         }
     }
@@ -215,8 +226,8 @@ impl Job<'_> {
     fn near_block<const EDGE: bool, S: Simd>(
         &self,
         simd: S,
-        light: &[Padded],
-        lit: Option<&Padded>,
+        (light, lit): (&[Padded], Lit),
+        medium: Option<&Padded>,
         (x, y): (usize, usize),
         (rows, noises): (Range<usize>, &[[f32; 2 * BLOCK]]),
         out: &mut [f32],
@@ -230,7 +241,7 @@ impl Job<'_> {
         let here = Points::load::<EDGE>(simd, surface, w, y, x as isize);
         let mut starts = [0; NEAR];
         let (mut count, mut centre) = (0, 0);
-        let mut lit_around = zero;
+        let mut medium_around = zero;
         // How many pixels that is, for lights that surfaces bound and for the others.
         let mut numbers = [zero; 2];
         for qy in rows.clone() {
@@ -247,17 +258,24 @@ impl Job<'_> {
                 } else {
                     centre = count;
                 }
-                if let Some(lit) = lit {
-                    let lit = load_within(simd, &lit.data, starts[count]);
-                    lit_around = there[count].select(lit_around.max(lit), lit_around);
+                if let Some(medium) = medium {
+                    let here = load_within(simd, &medium.data, starts[count]);
+                    medium_around = there[count].select(medium_around.max(here), medium_around);
                 }
                 numbers[0] += there[count].select(one, zero);
                 numbers[1] += same[count].select(one, zero);
                 count += 1;
             }
         }
-        let medium = lit_around.simd_gt(zero);
+        let medium = medium_around.simd_gt(zero);
         for (l, asked) in self.lights.iter().enumerate() {
+            if !lit.has(l) {
+                // What comes out below where the light is black.
+                let deviation = if asked.behind { medium.select(zero, f32x16::splat(simd, FREE)) } else { zero };
+                store(zero, &mut out[l * w..][..w], x);
+                store(deviation, &mut out[(n + l) * w..][..w], x);
+                continue;
+            }
             let found = &noises[l * w.div_ceil(BLOCK) + x / BLOCK];
             let noise = f32x16::from_slice(simd, &found[..BLOCK]);
             let allowed = f32x16::from_slice(simd, &found[BLOCK..]) * s.mean_strong;
@@ -364,7 +382,14 @@ impl Job<'_> {
                 self.kept::<EDGE, _>(simd, near, l, (y, x as isize)),
                 self.kept::<EDGE, _>(simd, near, n + l, (y, x as isize)),
             );
-            // Light without noise, whose deviation is below 0, is compared like the rest.
+            // Below 0: without noise.
+            let noisy = known.simd_gt(zero);
+            if !noisy.any_true() {
+                store(mean, &mut out[l * w..][..w], x);
+                store(known, &mut out[(n + l) * w..][..w], x);
+                continue;
+            }
+            // Light without noise is compared like the rest.
             let deviation = known.max_precise(zero);
             let own = deviation * deviation;
             let (masks, number) = if asked.bounded { (&same, numbers[1]) } else { (&there, numbers[0]) };
@@ -375,19 +400,17 @@ impl Job<'_> {
                 pooled += mask.select(*others * *others, zero);
             }
             let t = pooled / number * (2.0 * s.mean_windows);
-            let noisy = t.simd_gt(zero);
+            let differ = t.simd_gt(zero);
             let (mut sum, mut variance, mut total) = (mean, own, one);
             for ((tap, mask), others) in taps[..count].iter().zip(masks).zip(&others) {
                 let other = self.kept::<EDGE, _>(simd, near, l, *tap);
                 let difference = other - mean;
                 let share = (t - difference * difference).max_precise(zero) / t;
-                let weight = (*mask & noisy).select(share * share, zero);
+                let weight = (*mask & differ).select(share * share, zero);
                 sum += weight * other;
                 variance += weight * weight * *others * *others;
                 total += weight;
             }
-            // Below 0: without noise.
-            let noisy = known.simd_gt(zero);
             store(noisy.select(sum / total, mean), &mut out[l * w..][..w], x);
             store(noisy.select(variance.sqrt() / total, known), &mut out[(n + l) * w..][..w], x);
         }
