@@ -125,6 +125,7 @@ impl Cpu {
     }
 
     /// Runs one frame that has been checked.
+    #[inline(never)] // benchmarks/instructions.py counts it
     pub fn run(
         &mut self,
         frame: &Frame<'_>,

@@ -81,11 +81,14 @@ impl ConvNet {
     /// The outputs at every pixel of an image whose first row is row `first_row` of the picture. `inputs` gives what some rows of it
     /// hold, from the first to the last, some of them twice: never all at once, they are many channels.
     pub(crate) fn run(&self, size: Size, first_row: usize, mut inputs: impl FnMut(Range<usize>) -> Rows) -> Rows {
+        let [first, second, third, fourth, fifth, sixth, seventh, last] = &self.layers;
+        if size.pixels() == 0 {
+            return Rows::new(size, last.outputs);
+        }
         let above = first_row % GRID;
         let whole = Size::new(size.width.next_multiple_of(GRID), (above + size.height).next_multiple_of(GRID));
         let half = Size::new(whole.width / 2, whole.height / 2);
         let quarter = Size::new(half.width / 2, half.height / 2);
-        let [first, second, third, fourth, fifth, sixth, seventh, last] = &self.layers;
         // Beyond the picture its border.
         let row_of = |y: usize| y.saturating_sub(above).min(size.height - 1);
         let mut a = Rows::new(whole, second.outputs);

@@ -336,7 +336,8 @@ pub(crate) fn blend_view(
         .map(|i| (i % noise.size().width, i / noise.size().width))
         .collect();
     let rows = 0..noise.size().height;
-    let joint = crate::stages::stabilise::joint::Joint::new(&around, centre, &gather, &s.stabilise, rows);
+    let fronts = crate::stages::stabilise::joint::fronts(&around, &s.stabilise);
+    let joint = crate::stages::stabilise::joint::Joint::new((&around, &fronts), centre, &gather, &s.stabilise, rows);
     let (taps, inverse) = crate::stages::stabilise::joint::training_taps(&joint, &chosen);
     let candidates = [estimate.input.clone(), estimate.picture.clone(), steady];
     BlendView { number: frame.number, candidates, inputs, noise, own_noise, inverse, before, chosen, taps }

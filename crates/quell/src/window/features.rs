@@ -278,19 +278,25 @@ impl Features {
 /// Means over 3x3.
 fn mean_around(albedo: &Packed, size: Size) -> Packed {
     let (w, h) = (size.width, size.height);
-    Packed::new(size, 1, |_, i| {
-        let (x, y) = (i % w, i / w);
-        let (mut sum, mut n) = ([0.0f32; 3], 0.0);
-        for qy in y.saturating_sub(1)..(y + 2).min(h) {
-            for qx in x.saturating_sub(1)..(x + 2).min(w) {
-                let colour = albedo.at(0, qy * w + qx);
-                for c in 0..3 {
-                    sum[c] += colour[c];
-                }
-                n += 1.0;
-            }
+    Packed::by_rows(size, 1, |y, out| {
+        let rows = y.saturating_sub(1)..(y + 2).min(h);
+        let mut colours = vec![[0.0; 3]; rows.len() * w];
+        for (row, y) in colours.chunks_exact_mut(w).zip(rows.clone()) {
+            albedo.row(0, y, row);
         }
-        sum.map(|s| s / n)
+        for (x, out) in out.as_chunks_mut::<3>().0.iter_mut().enumerate() {
+            let columns = x.saturating_sub(1)..(x + 2).min(w);
+            let mut sum = [0.0f32; 3];
+            for row in colours.chunks_exact(w) {
+                for colour in &row[columns.clone()] {
+                    for c in 0..3 {
+                        sum[c] += colour[c];
+                    }
+                }
+            }
+            let n = (rows.len() * columns.len()) as f32;
+            *out = sum.map(|s| s / n);
+        }
     })
 }
 

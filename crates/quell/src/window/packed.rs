@@ -36,36 +36,70 @@ pub(crate) struct Packed {
 impl Packed {
     /// `value(plane, pixel)` must be finite.
     pub(crate) fn new(size: Size, planes: usize, value: impl Fn(usize, usize) -> Rgb + Sync) -> Self {
-        let mut data = vec![f16::ZERO; 3 * size.pixels() * planes];
+        Self::by_rows(size, planes, |y, row| {
+            for (x, pixel) in row.chunks_exact_mut(3 * planes).enumerate() {
+                for k in 0..planes {
+                    for (c, v) in value(k, y * size.width + x).into_iter().enumerate() {
+                        pixel[c * planes + k] = v;
+                    }
+                }
+            }
+        })
+    }
+
+    /// `fill(y, row)` writes the values of a row, in the order of [`Self::data`]; they must be finite.
+    pub(crate) fn by_rows(size: Size, planes: usize, fill: impl Fn(usize, &mut [f32]) + Sync) -> Self {
+        let length = 3 * planes * size.width;
+        let mut data = vec![f16::ZERO; length * size.height];
+        if data.is_empty() {
+            return Self { planes, data, beyond: Vec::new() };
+        }
         let some_beyond = AtomicBool::new(false);
-        if planes > 0 {
-            par::rows(&mut data, 3 * size.width * planes, |y, row| {
-                // Rounded a row at once: asked for one number, `half` looks each time for the instruction.
-                let mut floats = vec![0.0f32; row.len()];
-                for (x, pixel) in floats.chunks_exact_mut(3 * planes).enumerate() {
+        par::rows(&mut data, length, |y, row| {
+            // Rounded a row at once: asked for one number, `half` looks each time for the instruction.
+            let mut floats = vec![0.0f32; length];
+            fill(y, &mut floats);
+            if floats.iter().fold(false, |beyond, v| beyond | !fits(*v)) {
+                some_beyond.store(true, Ordering::Relaxed);
+                for pixel in floats.chunks_exact_mut(3 * planes) {
                     for k in 0..planes {
-                        let colour = value(k, y * size.width + x);
-                        let fits = colour.iter().all(|v| fits(*v));
-                        if !fits {
-                            some_beyond.store(true, Ordering::Relaxed);
-                        }
-                        for (c, v) in colour.into_iter().enumerate() {
-                            pixel[c * planes + k] = if fits { v } else { f32::INFINITY };
+                        let places = [k, planes + k, 2 * planes + k];
+                        if !places.iter().all(|c| fits(pixel[*c])) {
+                            places.into_iter().for_each(|c| pixel[c] = f32::INFINITY);
                         }
                     }
                 }
-                row.convert_from_f32_slice(&floats);
-            });
-        }
-        if !some_beyond.into_inner() {
-            return Self { planes, data, beyond: Vec::new() };
-        }
-        let pixels = data.chunks_exact(3 * planes.max(1)).enumerate();
-        let places = pixels.flat_map(|(i, pixel)| {
-            pixel[..planes].iter().enumerate().filter(|(_, red)| **red == BEYOND).map(move |(k, _)| i * planes + k)
+            }
+            row.convert_from_f32_slice(&floats);
         });
-        let beyond = places.map(|at| (at, value(at % planes, at / planes))).collect();
+        let mut beyond = Vec::new();
+        if some_beyond.into_inner() {
+            let mut floats = vec![0.0f32; length];
+            for (y, row) in data.chunks_exact(length).enumerate().filter(|(_, row)| row.contains(&BEYOND)) {
+                fill(y, &mut floats);
+                let pixels = row.chunks_exact(3 * planes).zip(floats.chunks_exact(3 * planes));
+                for (x, (halves, values)) in pixels.enumerate() {
+                    for k in (0..planes).filter(|k| halves[*k] == BEYOND) {
+                        let place = (y * size.width + x) * planes + k;
+                        beyond.push((place, [values[k], values[planes + k], values[2 * planes + k]]));
+                    }
+                }
+            }
+        }
         Self { planes, data, beyond }
+    }
+
+    /// Colour `plane` of the pixels of a row.
+    pub(crate) fn row(&self, plane: usize, y: usize, out: &mut [Rgb]) {
+        let (w, planes) = (out.len(), self.planes);
+        let mut floats = vec![0.0f32; 3 * planes * w];
+        self.data[3 * planes * w * y..][..3 * planes * w].convert_to_f32_slice(&mut floats);
+        for (x, (out, pixel)) in out.iter_mut().zip(floats.chunks_exact(3 * planes)).enumerate() {
+            *out = [pixel[plane], pixel[planes + plane], pixel[2 * planes + plane]];
+            if out[0] == f32::INFINITY {
+                *out = self.at(plane, y * w + x);
+            }
+        }
     }
 
     /// Colour `plane` of a pixel.
@@ -157,6 +191,11 @@ mod tests {
             assert_eq!(packed.at(k, i), value(k, i));
         }
         assert_eq!(packed.beyond.len(), 2);
+        for (k, y) in [(0, 0), (1, 0), (0, 1), (1, 1)] {
+            let mut row = [[0.0; 3]; 3];
+            packed.row(k, y, &mut row);
+            assert_eq!(row, [0, 1, 2].map(|x| value(k, 3 * y + x)));
+        }
         assert_eq!(Packed::new(size, 0, value).data.len(), 0);
     }
 

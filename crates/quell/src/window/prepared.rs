@@ -122,14 +122,25 @@ impl PreparedFrame {
             }));
             in_beauty.push(light.in_beauty);
         }
-        let samples = Packed::new(frame.size, packed.len(), |k, i| {
-            let (plane, seen) = &packed[k];
-            let value = plane.data()[i];
-            if !*seen || features.mirror_colour.is_none() {
-                return value;
+        let (w, planes) = (frame.size.width, packed.len());
+        let samples = Packed::by_rows(frame.size, planes, |y, row| {
+            for (k, (plane, seen)) in packed.iter().enumerate() {
+                let pixels = row.chunks_exact_mut(3 * planes).zip(plane.row(y));
+                if *seen && features.mirror_colour.is_some() {
+                    for (x, (pixel, value)) in pixels.enumerate() {
+                        let colour = features.mirror_colour_at(y * w + x);
+                        for c in 0..3 {
+                            pixel[c * planes + k] = value[c] / colour[c];
+                        }
+                    }
+                } else {
+                    for (pixel, value) in pixels {
+                        for c in 0..3 {
+                            pixel[c * planes + k] = value[c];
+                        }
+                    }
+                }
             }
-            let colour = features.mirror_colour_at(i);
-            [0, 1, 2].map(|c| value[c] / colour[c])
         });
         let behind: Vec<bool> = shape.iter().map(|(kind, _)| *kind == LightKind::NoiseFree).collect();
         let means = if settings.gather.frames > 0 {

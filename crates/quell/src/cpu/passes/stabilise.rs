@@ -23,7 +23,8 @@ pub(crate) fn run(
     let w = size.width;
     let mut out = here.picture.clone();
     let has_alpha = window.iter().all(|f| f.alpha.is_some());
-    let pixels = Neighbourhood { window, centre, has_alpha, gather, settings };
+    let fronts = joint::fronts(window, settings);
+    let pixels = Neighbourhood { window, fronts: &fronts, centre, has_alpha, gather, settings };
     if !has_alpha {
         par::rows(out.data_mut(), w, |y, row| {
             row.iter_mut().enumerate().for_each(|(x, value)| *value = pixels.pixel(x, y).0);

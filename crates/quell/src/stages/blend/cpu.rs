@@ -11,7 +11,7 @@ use super::{
     without_outlier,
 };
 use crate::frame::Rgb;
-use crate::kernels::lanes::{BLOCK, load, log2, store, whole};
+use crate::kernels::lanes::{BLOCK, load, load_within, log2, store};
 use crate::kernels::math::three;
 use crate::par;
 use crate::plane::{Plane, Size};
@@ -65,6 +65,12 @@ impl Band {
     #[inline(always)]
     pub(crate) fn row(&self, y: usize, c: usize) -> &[f32] {
         self.rows.row(y - self.first, c)
+    }
+
+    /// Channel `c` of sixteen pixels of a row; beyond its end 0.
+    #[inline(always)]
+    fn lanes<S: Simd>(&self, simd: S, (x, y): (usize, usize), c: usize) -> f32x16<S> {
+        load::<true, _>(simd, self.row(y, c), x as isize)
     }
 
     /// All channels of row `y`, one after the other.
@@ -243,8 +249,8 @@ impl PictureNoise {
     /// [`Self::at`] for sixteen pixels from column `x` on. Beyond the end of the row all is 0.
     #[inline(always)]
     pub(crate) fn lanes<S: Simd>(&self, simd: S, (x, y): (usize, usize)) -> (PooledLanes<S>, f32x16<S>) {
-        let silhouette = load::<true, _>(simd, self.silhouettes.row(y, 0), x as isize);
-        let inverse = load::<true, _>(simd, self.inverse.row(y, 0), x as isize);
+        let silhouette = self.silhouettes.lanes(simd, (x, y), 0);
+        let inverse = self.inverse.lanes(simd, (x, y), 0);
         (self.stats.lanes(simd, (x, y), silhouette), inverse)
     }
 
@@ -434,40 +440,30 @@ impl Apart {
         let last = self.0.first + self.0.rows.size().height - 1;
         // Beyond the picture its border counts.
         let lines = [y.max(self.0.first + 1) - 1, y, (y + 1).min(last)];
+        let near = Near {
+            rows: [self.0.channels(lines[0]), self.0.channels(lines[1]), self.0.channels(lines[2])],
+            stride: self.0.width(),
+        };
         for x in (0..w).step_by(BLOCK) {
             let scale = load::<true, _>(simd, inverse, x as isize);
-            // Channel c of a pixel of the 3x3 around.
-            let at =
-                |c: usize, dx: usize, dy: usize| load::<false, _>(simd, self.0.row(lines[dy], c), (x + dx) as isize);
             let mut sums = [f32x16::splat(simd, 0.0); SQUARES];
             for c in 0..3 {
-                let (e, f) = (at(9 + c, 1, 1), load::<true, _>(simd, differences.row(y, 3 + c), x as isize));
+                let e = near.at(simd, 9 + c, x, [0, 0]);
+                let f = differences.lanes(simd, (x, y), 3 + c);
                 sums[1] += e * e;
                 sums[2] += f * f;
                 sums[3] += (e - f) * (e - f);
-            }
-            // What a binomial 3x3 takes away, squared.
-            for (k, first) in [(0, 9), (4, 0), (5, 3), (6, 6)] {
-                for c in first..first + 3 {
-                    let mut rows = [f32x16::splat(simd, 0.0); 3];
-                    for dy in 0..3 {
-                        rows[dy] = at(c, 0, dy) * 0.25 + at(c, 1, dy) * 0.5 + at(c, 2, dy) * 0.25;
-                    }
-                    let d = at(c, 1, 1) - (rows[0] * 0.25 + rows[1] * 0.5 + rows[2] * 0.25);
-                    let d = d * d;
-                    sums[k] += match k {
-                        0 => d / HIGH_PASS,
-                        6 => d * scale * scale / HIGH_PASS,
-                        _ => d * scale * scale,
-                    };
-                }
-            }
-            for (k, [dx, dy]) in DIRECTIONS.into_iter().enumerate() {
-                let place = |d: isize| (1 + d) as usize;
-                for c in 0..3 {
-                    let bend =
-                        |c: usize| at(c, place(-dx), place(-dy)) - at(c, 1, 1) * 2.0 + at(c, place(dx), place(dy));
-                    let (input, difference) = (bend(6 + c) * scale, bend(9 + c));
+                let d = near.detail(simd, 9 + c, x);
+                sums[0] += d * d / HIGH_PASS;
+                let d = near.detail(simd, c, x);
+                sums[4] += d * d * scale * scale;
+                let d = near.detail(simd, 3 + c, x);
+                sums[5] += d * d * scale * scale;
+                let d = near.detail(simd, 6 + c, x);
+                sums[6] += d * d * scale * scale / HIGH_PASS;
+                for k in 0..DIRECTIONS.len() {
+                    let input = near.bend(simd, 6 + c, x, DIRECTIONS[k]) * scale;
+                    let difference = near.bend(simd, 9 + c, x, DIRECTIONS[k]);
                     sums[7 + k] += input * input / SECOND_DIFFERENCE;
                     sums[11 + k] += difference * difference / SECOND_DIFFERENCE;
                 }
@@ -476,6 +472,40 @@ impl Apart {
                 store(sums[k], &mut out[k * w..][..w], x);
             }
         }
+    }
+}
+
+/// Three rows of [`Apart`], all channels one after the other.
+struct Near<'a> {
+    rows: [&'a [f32]; 3],
+    stride: usize,
+}
+
+impl Near<'_> {
+    /// Channel `c` of the pixels beside sixteen from column `x` on.
+    #[inline(always)]
+    fn at<S: Simd>(&self, simd: S, c: usize, x: usize, [dx, dy]: [isize; 2]) -> f32x16<S> {
+        load_within(simd, self.rows[(1 + dy) as usize], c * self.stride + x + (1 + dx) as usize)
+    }
+
+    /// What a binomial 3x3 takes away.
+    #[inline(always)]
+    fn detail<S: Simd>(&self, simd: S, c: usize, x: usize) -> f32x16<S> {
+        let above = self.across(simd, c, x, -1);
+        let here = self.across(simd, c, x, 0);
+        let below = self.across(simd, c, x, 1);
+        self.at(simd, c, x, [0, 0]) - (above * 0.25 + here * 0.5 + below * 0.25)
+    }
+
+    #[inline(always)]
+    fn across<S: Simd>(&self, simd: S, c: usize, x: usize, dy: isize) -> f32x16<S> {
+        self.at(simd, c, x, [-1, dy]) * 0.25 + self.at(simd, c, x, [0, dy]) * 0.5 + self.at(simd, c, x, [1, dy]) * 0.25
+    }
+
+    /// The second difference along a direction.
+    #[inline(always)]
+    fn bend<S: Simd>(&self, simd: S, c: usize, x: usize, [dx, dy]: [isize; 2]) -> f32x16<S> {
+        self.at(simd, c, x, [-dx, -dy]) - self.at(simd, c, x, [0, 0]) * 2.0 + self.at(simd, c, x, [dx, dy])
     }
 }
 
@@ -519,22 +549,33 @@ impl Statistics {
     /// [`Self::at`] for sixteen pixels from column `x` on.
     #[inline(always)]
     fn lanes<S: Simd>(&self, simd: S, (x, y): (usize, usize), silhouette: f32x16<S>) -> PooledLanes<S> {
-        let of = |band: &Band, c: usize| load::<true, _>(simd, band.row(y, c), x as isize);
-        let mean = |k: usize| {
-            let [a, b, c] = [of(&self.means, 3 * k), of(&self.means, 3 * k + 1), of(&self.means, 3 * k + 2)];
-            a * a + b * b + c * c
-        };
-        let ([near, far], [space, far_space]) = ([&self.time[0], &self.time[1]], [&self.space[0], &self.space[1]]);
+        let at = (x, y);
+        let [near, far] = &self.time;
+        let [space, far_space] = &self.space;
         let (close, wide) = (&self.near, &self.wide);
+        let mut mean = [f32x16::splat(simd, 0.0); 3];
+        for k in 0..3 {
+            let a = self.means.lanes(simd, at, 3 * k);
+            let b = self.means.lanes(simd, at, 3 * k + 1);
+            let c = self.means.lanes(simd, at, 3 * k + 2);
+            mean[k] = a * a + b * b + c * c;
+        }
         PooledLanes {
-            over_time: [of(near, 0), of(far, 0)],
-            seen: [of(near, 1), of(far, 1)],
-            over_space: [of(space, 0), of(far_space, 0)],
-            input: [of(space, 1), of(far_space, 1)],
-            along: [of(&self.along, 0), of(&self.along, 1)],
-            apart: [of(close, 0), of(close, 1), of(close, 2), of(wide, 0), of(wide, 1), of(wide, 2)],
-            detail: [of(close, 3), of(close, 4)],
-            mean: [mean(0), mean(1), mean(2)],
+            over_time: [near.lanes(simd, at, 0), far.lanes(simd, at, 0)],
+            seen: [near.lanes(simd, at, 1), far.lanes(simd, at, 1)],
+            over_space: [space.lanes(simd, at, 0), far_space.lanes(simd, at, 0)],
+            input: [space.lanes(simd, at, 1), far_space.lanes(simd, at, 1)],
+            along: [self.along.lanes(simd, at, 0), self.along.lanes(simd, at, 1)],
+            apart: [
+                close.lanes(simd, at, 0),
+                close.lanes(simd, at, 1),
+                close.lanes(simd, at, 2),
+                wide.lanes(simd, at, 0),
+                wide.lanes(simd, at, 1),
+                wide.lanes(simd, at, 2),
+            ],
+            detail: [close.lanes(simd, at, 3), close.lanes(simd, at, 4)],
+            mean,
             silhouette,
         }
     }
@@ -593,28 +634,27 @@ impl<S: Simd> PooledLanes<S> {
     #[inline(always)]
     pub(crate) fn inputs(&self, simd: S) -> [f32x16<S>; INPUTS] {
         let of_noise = log2(simd, self.noise(simd, 1));
-        let ratio = |v: f32x16<S>| ratio(simd, v, of_noise);
         let least = f32x16::splat(simd, LEAST_SEEN);
         let mut time = self.over_space;
         for k in 0..2 {
             time[k] = self.seen[k].simd_gt(least).select(self.over_time[k] / self.seen[k], time[k]);
         }
         [
-            ratio(time[0]),
-            ratio(time[1]),
-            ratio(self.over_space[0]),
-            ratio(self.over_space[1]),
-            ratio(self.apart[0]),
-            ratio(self.apart[1]),
-            ratio(self.apart[2]),
-            ratio(self.apart[3]),
-            ratio(self.apart[4]),
-            ratio(self.apart[5]),
-            ratio(self.detail[0]),
-            ratio(self.detail[1]),
-            ratio(self.mean[0]),
-            ratio(self.mean[1]),
-            ratio(self.mean[2]),
+            ratio(simd, time[0], of_noise),
+            ratio(simd, time[1], of_noise),
+            ratio(simd, self.over_space[0], of_noise),
+            ratio(simd, self.over_space[1], of_noise),
+            ratio(simd, self.apart[0], of_noise),
+            ratio(simd, self.apart[1], of_noise),
+            ratio(simd, self.apart[2], of_noise),
+            ratio(simd, self.apart[3], of_noise),
+            ratio(simd, self.apart[4], of_noise),
+            ratio(simd, self.apart[5], of_noise),
+            ratio(simd, self.detail[0], of_noise),
+            ratio(simd, self.detail[1], of_noise),
+            ratio(simd, self.mean[0], of_noise),
+            ratio(simd, self.mean[1], of_noise),
+            ratio(simd, self.mean[2], of_noise),
             self.seen[0],
             self.silhouette,
         ]
@@ -708,8 +748,8 @@ fn pool(from: &Band, channels: &[usize], radius: usize, rows: &Range<usize>, hei
     });
     Band::filled(rows, w, n, |y, out| {
         let window = around(&(y..y + 1), radius, height);
-        let lines: Vec<&[f32]> = window.map(|v| &across.rows.data()[(v - across.first) * n * w..][..n * w]).collect();
-        dispatch!(crate::simd::level(), simd => means_of(simd, &lines, out));
+        let lines = &across.rows.data()[(window.start - across.first) * n * w..][..window.len() * n * w];
+        dispatch!(crate::simd::level(), simd => means_of(simd, lines, window.len(), out));
     })
 }
 
@@ -719,13 +759,18 @@ fn means_across<S: Simd>(simd: S, row: &[f32], radius: usize, out: &mut [f32]) {
     let (w, r) = (row.len(), radius as isize);
     for at in (0..w).step_by(BLOCK) {
         let x = at as isize;
-        let mut sum = f32x16::splat(simd, 0.0);
-        if whole(x - r, w) && whole(x + r, w) {
-            for dx in -r..=r {
-                sum += load::<false, _>(simd, row, x + dx);
-            }
-            store(sum / (2 * radius + 1) as f32, out, at);
+        // Known to the compiler, a window is summed without a loop, and its bounds are looked at once.
+        let found = match radius {
+            NEAR => whole_window::<NEAR, _>(simd, row, at),
+            NOISE_NEAR => whole_window::<NOISE_NEAR, _>(simd, row, at),
+            WIDE => whole_window::<WIDE, _>(simd, row, at),
+            NOISE_WIDE => whole_window::<NOISE_WIDE, _>(simd, row, at),
+            _ => None,
+        };
+        if let Some(mean) = found {
+            store(mean, out, at);
         } else {
+            let mut sum = f32x16::splat(simd, 0.0);
             for dx in -r..=r {
                 sum += load::<true, _>(simd, row, x + dx);
             }
@@ -739,22 +784,35 @@ fn means_across<S: Simd>(simd: S, row: &[f32], radius: usize, out: &mut [f32]) {
     }
 }
 
-/// Means of lines, value by value.
+/// Means over windows of 2 `R` + 1 pixels around sixteen, where all of them lie in the row.
 #[inline(always)]
-fn means_of<S: Simd>(simd: S, lines: &[&[f32]], out: &mut [f32]) {
-    let scale = 1.0 / lines.len() as f32;
+fn whole_window<const R: usize, S: Simd>(simd: S, row: &[f32], at: usize) -> Option<f32x16<S>> {
+    let run = row.get(at.checked_sub(R)?..at + BLOCK + R)?;
+    let mut sum = f32x16::splat(simd, 0.0);
+    for dx in 0..2 * R + 1 {
+        sum += f32x16::from_slice(simd, &run[dx..dx + BLOCK]);
+    }
+    Some(sum / (2 * R + 1) as f32)
+}
+
+/// Means of `n` lines of the length of `out` that lie one after the other, value by value.
+#[inline(always)]
+fn means_of<S: Simd>(simd: S, lines: &[f32], n: usize, out: &mut [f32]) {
+    let (scale, stride) = (1.0 / n as f32, out.len());
     let (blocks, rest) = out.as_chunks_mut::<BLOCK>();
     let end = BLOCK * blocks.len();
     for (k, block) in blocks.iter_mut().enumerate() {
         let mut sum = f32x16::splat(simd, 0.0);
-        for line in lines {
-            sum += load::<false, _>(simd, line, (BLOCK * k) as isize);
+        let mut from = BLOCK * k;
+        for _ in 0..n {
+            sum += load_within(simd, lines, from);
+            from += stride;
         }
         (sum * scale).store_slice(block);
     }
     for (i, value) in rest.iter_mut().enumerate() {
         let mut sum = 0.0;
-        for line in lines {
+        for line in lines.chunks_exact(stride) {
             sum += line[end + i];
         }
         *value = sum * scale;

@@ -4,12 +4,19 @@ use super::likeness::share;
 use super::{Likeness, StabiliseFrame, seen_difference};
 use crate::frame::Rgb;
 use crate::kernels::guide_distance::weight;
+use crate::kernels::lanes::{BLOCK, load};
+use crate::par;
+use crate::plane::Plane;
 use crate::sequence::settings::{Gather, Stabilise};
+use crate::stages::blend::cpu::Band;
 use crate::window::Features;
+use fearless_simd::{Simd, dispatch, f32x16, i32x16, prelude::*};
 
 /// One picture and its neighbours in time.
 pub(crate) struct Neighbourhood<'a> {
     pub window: &'a [StabiliseFrame<'a>],
+    /// Of every frame of the window.
+    pub fronts: &'a [Fronts],
     pub centre: usize,
     /// Coverage is averaged too: every frame has it.
     pub has_alpha: bool,
@@ -40,7 +47,7 @@ impl Neighbourhood<'_> {
                 continue;
             }
             let ahead = if forward { self.window.len() - 1 - self.centre } else { self.centre };
-            let mut track = Track::new(here.features, x, y, self.gather, self.settings);
+            let mut track = Track::new((here.features, &self.fronts[self.centre]), x, y, self.gather, self.settings);
             let mut decayed = 1.0;
             for k in 1..=ahead.min(self.settings.frames as usize) {
                 let (from, to) = if forward {
@@ -49,7 +56,8 @@ impl Neighbourhood<'_> {
                     (self.centre + 1 - k, self.centre - k)
                 };
                 let other = &self.window[to];
-                let Some(likeness) = track.step(self.window[from].features, other.features, forward) else { break };
+                let there = (other.features, &self.fronts[to]);
+                let Some(likeness) = track.step(self.window[from].features, there, forward) else { break };
                 let mut weight = decayed * likeness;
                 if let (Some(a), Some(b)) = (here.likeness, other.likeness) {
                     let there = linear(other.features, track.at, b);
@@ -107,7 +115,13 @@ pub(super) struct Track<'a> {
 
 impl<'a> Track<'a> {
     #[inline(always)]
-    pub(super) fn new(here: &'a Features, x: usize, y: usize, gather: &Gather, settings: &'a Stabilise) -> Self {
+    pub(super) fn new(
+        (here, fronts): (&'a Features, &Fronts),
+        x: usize,
+        y: usize,
+        gather: &Gather,
+        settings: &'a Stabilise,
+    ) -> Self {
         let pixel = y * here.size.width + x;
         // A band counts rows as the whole picture does: sums of floats are the same.
         let origin = ((x as f32), (here.first_row + y) as f32);
@@ -119,20 +133,21 @@ impl<'a> Track<'a> {
             origin,
             farthest: gather.travel * here.picture_height as f32,
             at: origin,
-            front: front(here, x, y, settings.nearer),
+            front: fronts.at(here, x, y),
         }
     }
 
     /// Goes one frame further; the weight of what is there. `None`: it is lost.
     #[inline(always)]
-    pub(super) fn step(&mut self, from: &Features, to: &Features, forward: bool) -> Option<f32> {
+    pub(super) fn step(&mut self, from: &Features, there: (&Features, &Fronts), forward: bool) -> Option<f32> {
+        let (to, _) = there;
         // What a mirror or a glass shows has its own motion; where that is unsure, the surface's counts, unless both
         // differ.
         let mut tolerance = self.settings.seen_albedo;
-        let mut next = self.along(from, to, forward, self.mirror);
+        let mut next = self.along(from, there, forward, self.mirror);
         if next.is_none() && self.mirror && departs(from, forward, self.front.pixel) <= self.settings.departure {
             tolerance = self.settings.surface_seen_albedo;
-            next = self.along(from, to, forward, false);
+            next = self.along(from, there, forward, false);
         }
         (self.at, self.front) = next?;
         let row = to.row_here(self.at.1.round() as isize)?;
@@ -143,8 +158,14 @@ impl<'a> Track<'a> {
 
     /// Where it lies one frame further by the motion of surfaces, or of what mirrors show.
     #[inline(always)]
-    fn along(&self, from: &Features, to: &Features, forward: bool, reflected: bool) -> Option<((f32, f32), Front)> {
-        let next = step(from, to, forward, reflected, self.at, &self.front, self.settings)?;
+    fn along(
+        &self,
+        from: &Features,
+        there: (&Features, &Fronts),
+        forward: bool,
+        reflected: bool,
+    ) -> Option<((f32, f32), Front)> {
+        let next = step(from, there, forward, reflected, self.at, &self.front, self.settings)?;
         if (next.0.1 - self.origin.1).abs() <= self.farthest { Some(next) } else { None }
     }
 }
@@ -166,7 +187,7 @@ impl Front {
 #[inline(always)]
 fn step(
     from: &Features,
-    to: &Features,
+    (to, fronts): (&Features, &Fronts),
     forward: bool,
     reflected: bool,
     at: (f32, f32),
@@ -180,7 +201,7 @@ fn step(
     if !(at.0 >= 0.0 && at.1 >= 0.0 && at.0 <= (w - 1) as f32 && at.1 <= (h - 1) as f32) {
         return None;
     }
-    let there = self::front(to, at.0.round() as usize, to.row_here(at.1.round() as isize)?, s.nearer);
+    let there = fronts.at(to, at.0.round() as usize, to.row_here(at.1.round() as isize)?);
     (there.same(front, s) && returns(to, forward, reflected, there.pixel, m, s)).then_some((at, there))
 }
 
@@ -201,19 +222,66 @@ fn returns(features: &Features, forward: bool, reflected: bool, pixel: usize, mo
     miss <= s.round_trip + s.round_trip_share * length
 }
 
+/// Of each pixel of a frame the one of the 3x3 around whose surface is nearest to the eye: 0 to 8, row by row. Found once, since many
+/// trajectories meet there.
+pub(crate) struct Fronts(Plane<u8>);
+
+impl Fronts {
+    /// The pixel itself.
+    const ITSELF: i32 = 4;
+
+    /// `nearer`: the pixel itself counts where the others are nearer by no more than this factor.
+    pub(crate) fn new(features: &Features, nearer: f32) -> Self {
+        let (w, h) = (features.size.width, features.size.height);
+        // What is no number is not nearer than anything: a pixel more at either end, and room for the last sixteen.
+        let depths = Band::filled(&(0..h), w + 2 + BLOCK, 1, |y, out| {
+            out.fill(f32::NAN);
+            for (out, surface) in out[1..=w].iter_mut().zip(&features.surface[y * w..][..w]) {
+                *out = surface.inverse_depth;
+            }
+        });
+        let mut found = Plane::filled(features.size, 0);
+        par::rows(found.data_mut(), w, |y, out| {
+            let lines = [y.checked_sub(1), Some(y), Some(y + 1).filter(|y| *y < h)];
+            let lines = lines.map(|y| y.map(|y| depths.row(y, 0)));
+            dispatch!(crate::simd::level(), simd => fronts_row(simd, lines, nearer, out));
+        });
+        Self(found)
+    }
+
+    #[inline(always)]
+    fn at(&self, features: &Features, x: usize, y: usize) -> Front {
+        let w = features.size.width;
+        let own = y * w + x;
+        let place = usize::from(self.0.data()[own]);
+        let pixel = (own + (place / 3) * w + place % 3) - (w + 1);
+        Front { pixel, inverse_depth: features.surface[pixel].inverse_depth }
+    }
+}
+
+/// A row of [`Fronts`], of the rows above, here and below, as far as there are any.
 #[inline(always)]
-fn front(features: &Features, x: usize, y: usize, nearer: f32) -> Front {
-    let (w, h) = (features.size.width, features.size.height);
-    let mut best = Front { pixel: y * w + x, inverse_depth: features.surface[y * w + x].inverse_depth };
-    for qy in y.saturating_sub(1)..(y + 2).min(h) {
-        for qx in x.saturating_sub(1)..(x + 2).min(w) {
-            let inverse_depth = features.surface[qy * w + qx].inverse_depth;
-            if inverse_depth > best.inverse_depth * nearer {
-                best = Front { pixel: qy * w + qx, inverse_depth };
+fn fronts_row<S: Simd>(simd: S, lines: [Option<&[f32]>; 3], nearer: f32, out: &mut [u8]) {
+    let mut x = 0;
+    for out in out.chunks_mut(BLOCK) {
+        let own = lines[1].unwrap_or_default();
+        let mut best = load::<false, _>(simd, own, x as isize + 1);
+        let mut place = i32x16::splat(simd, Fronts::ITSELF);
+        for dy in 0..3 {
+            let Some(line) = lines[dy] else { continue };
+            for dx in 0..3 {
+                let other: f32x16<S> = load::<false, _>(simd, line, (x + dx) as isize);
+                let front = other.simd_gt(best * nearer);
+                best = front.select(other, best);
+                place = front.select(i32x16::splat(simd, (3 * dy + dx) as i32), place);
             }
         }
+        let place: [i32; BLOCK] = place.into();
+        for (out, place) in out.iter_mut().zip(place) {
+            *out = place as u8;
+        }
+        x += BLOCK;
     }
-    best
 }
 
 /// Guide and tolerance between pixels; beyond the border the border counts.
@@ -278,5 +346,28 @@ impl CubicTaps {
             }
         }
         sum
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::plane::Size;
+    use crate::sequence::SequenceSettings;
+
+    /// Also at the borders, with several surfaces before each other, and with depths that are no numbers.
+    #[test]
+    fn fronts_are_those_of_the_definition() {
+        let size = Size::new(37, 21);
+        let frame = crate::sequence::testing::frame(0, size);
+        let mut features = Features::new(&frame, &SequenceSettings::default());
+        for (i, surface) in features.surface.iter_mut().enumerate() {
+            surface.inverse_depth = [1.0, 1.05, 1.3, 0.0, f32::NAN, 1.7, 2.5][i * i % 31 % 7];
+        }
+        let fronts = Fronts::new(&features, 1.1);
+        for (x, y) in (0..21).flat_map(|y| (0..37).map(move |x| (x, y))) {
+            let expected = crate::stages::stabilise::reference::front(&features, x, y, 1.1);
+            assert_eq!(fronts.at(&features, x, y).pixel, expected, "{x} {y}");
+        }
     }
 }

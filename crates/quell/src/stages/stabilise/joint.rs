@@ -1,14 +1,14 @@
 //! The net's form of the stage, row by row.
 
-use super::cpu::Track;
+use super::cpu::{Fronts, Track};
 use super::{
-    BOUNDED, BRIGHTNESS, BandwidthLanes, DARK, LEAST_OWN, LIGHT, PARTS, StabiliseFrame, TAPS_AROUND, TAPS_IN_TIME,
-    albedo_around, bandwidth_lanes, log_brightness, normal_at, own_weight, restored,
+    BOUNDED, BRIGHTNESS, BandwidthLanes, LEAST_OWN, LIGHT, PARTS, ShownLanes, StabiliseFrame, TAPS_AROUND,
+    TAPS_IN_TIME, albedo_around, bandwidth_lanes, log_brightness, normal_at, own_weight, restored,
 };
 #[cfg(feature = "internals")]
 use super::{Signature, signature_at};
 use crate::frame::Rgb;
-use crate::kernels::lanes::{BLOCK, exp2, inside, load, load_halves, load_halves_within, load_within, log2, whole};
+use crate::kernels::lanes::{BLOCK, exp2, inside, load, load_halves, load_halves_within, load_within, whole};
 use crate::par;
 use crate::plane::{Plane, Size};
 use crate::sequence::settings::{Gather, Stabilise};
@@ -92,8 +92,9 @@ pub(crate) fn run(
     let mut out = here.picture.clone();
     let has_alpha = has_alpha(window);
     let mut coverage = Plane::filled(if has_alpha { size } else { Size::new(0, 0) }, 0.0);
+    let fronts = fronts(window, settings);
     for rows in bands(size.height) {
-        let joint = Joint::new(window, centre, gather, settings, rows.clone());
+        let joint = Joint::new((window, &fronts), centre, gather, settings, rows.clone());
         let pixels = rows.start * w..rows.end * w;
         let out = &mut out.data_mut()[pixels.clone()];
         if has_alpha {
@@ -109,6 +110,11 @@ pub(crate) fn run(
     (out, if has_alpha { Some(coverage) } else { here.alpha.cloned() })
 }
 
+/// What is in front, frame by frame.
+pub(crate) fn fronts(window: &[StabiliseFrame<'_>], settings: &Stabilise) -> Vec<Fronts> {
+    window.iter().map(|frame| Fronts::new(frame.features, settings.nearer)).collect()
+}
+
 /// Coverage is averaged too: every frame has it.
 fn has_alpha(window: &[StabiliseFrame<'_>]) -> bool {
     window.iter().all(|f| f.alpha.is_some())
@@ -117,6 +123,8 @@ fn has_alpha(window: &[StabiliseFrame<'_>]) -> bool {
 /// Some rows of a picture, its neighbours in time, and what its pixels are compared by.
 pub(crate) struct Joint<'a> {
     window: &'a [StabiliseFrame<'a>],
+    /// Of every frame of the window.
+    fronts: &'a [Fronts],
     centre: usize,
     has_alpha: bool,
     gather: &'a Gather,
@@ -137,7 +145,7 @@ const COVERAGE: usize = RAW + 3;
 
 impl<'a> Joint<'a> {
     pub(crate) fn new(
-        window: &'a [StabiliseFrame<'a>],
+        (window, fronts): (&'a [StabiliseFrame<'a>], &'a [Fronts]),
         centre: usize,
         gather: &'a Gather,
         settings: &'a Stabilise,
@@ -169,6 +177,7 @@ impl<'a> Joint<'a> {
         Self {
             around,
             window,
+            fronts,
             centre,
             has_alpha: has_alpha(window),
             gather,
@@ -355,9 +364,10 @@ impl<'a> Joint<'a> {
             let ahead = if forward { self.window.len() - 1 - self.centre } else { self.centre };
             let ahead = ahead.min(self.settings.frames as usize);
             let mut tracks: [Option<Track<'_>>; BLOCK] = Default::default();
+            let start = (here.features, &self.fronts[self.centre]);
             if ahead > 0 {
                 for i in 0..count {
-                    tracks[i] = Some(Track::new(here.features, x + i, y, self.gather, self.settings));
+                    tracks[i] = Some(Track::new(start, x + i, y, self.gather, self.settings));
                 }
             }
             for away in 1..=ahead {
@@ -369,11 +379,12 @@ impl<'a> Joint<'a> {
                 let other = &self.window[frame];
                 let Some(found) = places.get_mut(met).filter(|_| other.signature.is_some()) else { break };
                 (found.frame, found.away) = (frame, away);
+                let there = (other.features, &self.fronts[frame]);
                 // Where a pixel is lost its own input, which widens nothing any more.
                 let mut inputs = own;
                 for i in 0..count {
                     let Some(track) = &mut tracks[i] else { continue };
-                    if track.step(self.window[from].features, other.features, forward).is_none() {
+                    if track.step(self.window[from].features, there, forward).is_none() {
                         tracks[i] = None;
                         continue;
                     }
@@ -390,8 +401,7 @@ impl<'a> Joint<'a> {
                 met += 1;
             }
         }
-        let contrast = super::log2(self.settings.contrast);
-        let range = (shown.low - contrast, shown.high + contrast);
+        let range = shown.range(self.settings);
         for found in &mut places[..met] {
             // Those that moved alike at once.
             while found.lanes != 0 {
@@ -403,61 +413,26 @@ impl<'a> Joint<'a> {
                         found.lanes &= !(1 << i);
                     }
                 }
-                let (other, at) = (&self.window[found.frame], &found.at);
+                let other = &self.window[found.frame];
                 let Some(signatures) = other.signature else { continue };
-                self.add_alike(
-                    simd,
-                    ((x, y), place),
-                    (other, signatures, found.away),
-                    (at, &alike),
-                    (lanes, range),
-                    sums,
-                );
+                let (away, at) = (found.away, &found.at);
+                let there = Alike { place, other, signatures, away, at, alike: &alike };
+                if there.within() && whole(x as isize, here.features.size.width) {
+                    self.add_taps::<false, _>(simd, (x, y), &there, (lanes, range), sums);
+                } else {
+                    self.add_taps::<true, _>(simd, (x, y), &there, (lanes, range), sums);
+                }
             }
         }
     }
 
-    /// Adds the taps of those of sixteen pixels that are `alike`, around column `place.0` + i of row `place.1` for the i-th.
-    #[inline(always)]
-    fn add_alike<S: Simd>(
-        &self,
-        simd: S,
-        ((x, y), place): ((usize, usize), (isize, isize)),
-        (other, signatures, away): (&StabiliseFrame<'_>, &HalfRows, usize),
-        (at, alike): (&[[f32; BLOCK]; 2], &[f32; BLOCK]),
-        (lanes, range): (&BandwidthLanes<S>, (f32x16<S>, f32x16<S>)),
-        sums: &mut [[f32; BLOCK]; 5],
-    ) {
-        let w = other.features.size.width;
-        let r = TAPS_IN_TIME as isize;
-        if whole(place.0 - r, w) && whole(place.0 + r, w) && whole(x as isize, w) {
-            self.add_taps::<false, _>(
-                simd,
-                ((x, y), place),
-                (other, signatures, away),
-                (at, alike),
-                (lanes, range),
-                sums,
-            );
-        } else {
-            self.add_taps::<true, _>(
-                simd,
-                ((x, y), place),
-                (other, signatures, away),
-                (at, alike),
-                (lanes, range),
-                sums,
-            );
-        }
-    }
-
+    /// Adds the taps of those of sixteen pixels that moved alike.
     #[inline(always)]
     fn add_taps<const EDGE: bool, S: Simd>(
         &self,
         simd: S,
-        ((x, y), place): ((usize, usize), (isize, isize)),
-        (other, signatures, away): (&StabiliseFrame<'_>, &HalfRows, usize),
-        (at, alike): (&[[f32; BLOCK]; 2], &[f32; BLOCK]),
+        (x, y): (usize, usize),
+        &Alike { place, other, signatures, away, at, alike }: &Alike<'_>,
         (lanes, range): (&BandwidthLanes<S>, (f32x16<S>, f32x16<S>)),
         sums: &mut [[f32; BLOCK]; 5],
     ) {
@@ -577,7 +552,8 @@ impl<'a> Joint<'a> {
                 continue;
             }
             let ahead = if forward { self.window.len() - 1 - self.centre } else { self.centre };
-            let mut track = Track::new(here.features, x, y, self.gather, self.settings);
+            let start = (here.features, &self.fronts[self.centre]);
+            let mut track = Track::new(start, x, y, self.gather, self.settings);
             for away in 1..=ahead.min(self.settings.frames as usize) {
                 let (from, frame) = if forward {
                     (self.centre + away - 1, self.centre + away)
@@ -585,7 +561,8 @@ impl<'a> Joint<'a> {
                     (self.centre + 1 - away, self.centre - away)
                 };
                 let other = &self.window[frame];
-                let Some(_) = track.step(self.window[from].features, other.features, forward) else { break };
+                let there = (other.features, &self.fronts[frame]);
+                let Some(_) = track.step(self.window[from].features, there, forward) else { break };
                 let Some(signatures) = other.signature else { break };
                 let (cx, cy) = (track.at.0.round() as isize, track.at.1.round() as isize);
                 let r = TAPS_IN_TIME as isize;
@@ -653,8 +630,7 @@ fn channel<const EDGE: bool, S: Simd>(simd: S, row: &[f32], w: usize, c: usize, 
     }
 }
 
-/// [`distance`](super::distance) of sixteen pixels, in its order. Spelt out: a loop over twelve channels is kept as one, with its
-/// squares in memory.
+/// [`distance`](super::distance) of sixteen pixels, in its order.
 #[inline(always)]
 fn distance<S: Simd>(
     simd: S,
@@ -662,53 +638,28 @@ fn distance<S: Simd>(
     own: &[f32x16<S>; super::SIGNATURE],
     parts: &[f32x16<S>; PARTS],
 ) -> f32x16<S> {
-    let a = square::<0, _>(simd, there, own, parts)
-        + square::<4, _>(simd, there, own, parts)
-        + square::<8, _>(simd, there, own, parts);
-    let b = square::<1, _>(simd, there, own, parts)
-        + square::<5, _>(simd, there, own, parts)
-        + square::<9, _>(simd, there, own, parts);
-    let c = square::<2, _>(simd, there, own, parts)
-        + square::<6, _>(simd, there, own, parts)
-        + square::<10, _>(simd, there, own, parts);
-    let d = square::<3, _>(simd, there, own, parts)
-        + square::<7, _>(simd, there, own, parts)
-        + square::<11, _>(simd, there, own, parts);
+    // No loop: it would be kept as one, with its squares in memory.
+    let a = squares(simd, there, own, parts, 0);
+    let b = squares(simd, there, own, parts, 1);
+    let c = squares(simd, there, own, parts, 2);
+    let d = squares(simd, there, own, parts, 3);
     (a + c) + (b + d)
 }
 
-/// Squared difference of channel `C` times the bandwidth of its part.
+/// Squared differences of every fourth channel from `first` on, times the bandwidths of their parts.
 #[inline(always)]
-fn square<const C: usize, S: Simd>(
+fn squares<S: Simd>(
     simd: S,
     there: &impl Signatures,
     own: &[f32x16<S>; super::SIGNATURE],
     parts: &[f32x16<S>; PARTS],
+    first: usize,
 ) -> f32x16<S> {
-    let d = own[C] - there.at(simd, C);
-    parts[C / 3] * (d * d)
-}
-
-/// [`Shown`](super::Shown) of sixteen pixels.
-struct ShownLanes<S: Simd> {
-    low: f32x16<S>,
-    high: f32x16<S>,
-}
-
-impl<S: Simd> ShownLanes<S> {
-    #[inline(always)]
-    fn new(own: f32x16<S>) -> Self {
-        Self { low: own, high: own }
-    }
-
-    /// Widened by the red + green + blue of inputs.
-    #[inline(always)]
-    fn add(&mut self, simd: S, sums: &[f32; BLOCK]) {
-        let (sums, dark) = (f32x16::from_slice(simd, sums), f32x16::splat(simd, DARK));
-        let shown = log2(simd, sums.simd_gt(dark).select(sums, dark));
-        self.low = shown.simd_lt(self.low).select(shown, self.low);
-        self.high = shown.simd_gt(self.high).select(shown, self.high);
-    }
+    let (second, third) = (first + 4, first + 8);
+    let a = own[first] - there.at(simd, first);
+    let b = own[second] - there.at(simd, second);
+    let c = own[third] - there.at(simd, third);
+    parts[first / 3] * (a * a) + parts[second / 3] * (b * b) + parts[third / 3] * (c * c)
 }
 
 /// Most other frames: those of `stabilise.frames` on either side.
@@ -728,6 +679,29 @@ struct Found {
 
 impl Found {
     const NONE: Self = Self { frame: 0, away: 0, at: [[0.0; BLOCK]; 2], places: [(0, 0); BLOCK], lanes: 0 };
+}
+
+/// Those of sixteen pixels whose taps in another frame lie side by side.
+struct Alike<'a> {
+    /// Column and row of the first pixel's.
+    place: (isize, isize),
+    other: &'a StabiliseFrame<'a>,
+    signatures: &'a HalfRows,
+    /// Frames between.
+    away: usize,
+    /// Where the pixels lie there.
+    at: &'a [[f32; BLOCK]; 2],
+    /// Which of them it is: 1, else 0.
+    alike: &'a [f32; BLOCK],
+}
+
+impl Alike<'_> {
+    /// True where no tap lies beyond the ends of a row.
+    #[inline(always)]
+    fn within(&self) -> bool {
+        let (w, reach) = (self.other.features.size.width, TAPS_IN_TIME as isize);
+        whole(self.place.0 - reach, w) && whole(self.place.0 + reach, w)
+    }
 }
 
 const LANE: [f32; BLOCK] = [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0, 10.0, 11.0, 12.0, 13.0, 14.0, 15.0];

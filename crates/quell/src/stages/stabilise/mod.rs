@@ -266,8 +266,11 @@ pub(crate) fn bandwidth_lanes<S: Simd>(
     let fine = squared / (pooled.detail[1] + LEAST_DEVIATION);
     let wide = pooled.noise(simd, 1);
     let noise = squared / (wide + LEAST_DEVIATION);
-    let group = |first: usize| [z[first] * fine, z[first + 1] * noise, z[first + 2], z[first + 3]];
-    let mut parts = [group(0), group(PARTS + 1)];
+    const OTHERS: usize = PARTS + 1;
+    let mut parts = [
+        [z[0] * fine, z[1] * noise, z[2], z[3]],
+        [z[OTHERS] * fine, z[OTHERS + 1] * noise, z[OTHERS + 2], z[OTHERS + 3]],
+    ];
     let least = f32x16::splat(simd, s.albedo) / (wide + LEAST_NOISE_OF_ALBEDO);
     let least = least.max_precise(f32x16::splat(simd, least_albedo(s, camera_motion)));
     parts[1][ALBEDO] = parts[1][ALBEDO].max_precise(least);
@@ -359,6 +362,36 @@ impl Shown {
     /// The range in which taps of other frames count whole.
     #[inline(always)]
     pub(crate) fn range(&self, s: &Stabilise) -> (f32, f32) {
+        let contrast = log2(s.contrast);
+        (self.low - contrast, self.high + contrast)
+    }
+}
+
+/// [`Shown`] of sixteen pixels.
+#[cfg(feature = "cpu")]
+struct ShownLanes<S: Simd> {
+    low: f32x16<S>,
+    high: f32x16<S>,
+}
+
+#[cfg(feature = "cpu")]
+impl<S: Simd> ShownLanes<S> {
+    #[inline(always)]
+    fn new(own: f32x16<S>) -> Self {
+        Self { low: own, high: own }
+    }
+
+    /// Widened by the red + green + blue of inputs.
+    #[inline(always)]
+    fn add(&mut self, simd: S, sums: &[f32; lanes::BLOCK]) {
+        let (sums, dark) = (f32x16::from_slice(simd, sums), f32x16::splat(simd, DARK));
+        let shown = lanes::log2(simd, sums.simd_gt(dark).select(sums, dark));
+        self.low = shown.simd_lt(self.low).select(shown, self.low);
+        self.high = shown.simd_gt(self.high).select(shown, self.high);
+    }
+
+    #[inline(always)]
+    fn range(&self, s: &Stabilise) -> (f32x16<S>, f32x16<S>) {
         let contrast = log2(s.contrast);
         (self.low - contrast, self.high + contrast)
     }

@@ -281,7 +281,7 @@ fn visits(
 }
 
 /// The pixel of a 3x3 neighbourhood whose surface is nearest to the eye; the centre, if the others are hardly nearer.
-fn front(f: &Features, x: usize, y: usize, nearer: f32) -> usize {
+pub(crate) fn front(f: &Features, x: usize, y: usize, nearer: f32) -> usize {
     let (w, h) = (f.size.width, f.size.height);
     let mut best = y * w + x;
     for qy in y.saturating_sub(1)..(y + 2).min(h) {
