@@ -2,7 +2,7 @@
 
 use super::cpu::{Fronts, Track};
 use super::{
-    BOUNDED, BRIGHTNESS, BandwidthLanes, LEAST_OWN, LIGHT, PARTS, ShownLanes, StabiliseFrame, TAPS_AROUND,
+    BOUNDED, BRIGHTNESS, BandwidthLanes, Bounds, LEAST_OWN, LIGHT, PARTS, ShownLanes, StabiliseFrame, TAPS_AROUND,
     TAPS_IN_TIME, albedo_around, bandwidth_lanes, log_brightness, normal_at, own_weight, restored,
 };
 #[cfg(feature = "internals")]
@@ -356,7 +356,7 @@ impl<'a> Joint<'a> {
             *sum = colour[0] + colour[1] + colour[2];
         }
         let mut shown = ShownLanes::new(load::<true, _>(simd, self.around.row(y, BRIGHTNESS), x as isize));
-        shown.add(simd, &own);
+        shown.add(simd, &own, &[1.0; BLOCK]);
         for forward in [false, true] {
             if forward && !self.gather.future {
                 continue;
@@ -380,8 +380,7 @@ impl<'a> Joint<'a> {
                 let Some(found) = places.get_mut(met).filter(|_| other.signature.is_some()) else { break };
                 (found.frame, found.away) = (frame, away);
                 let there = (other.features, &self.fronts[frame]);
-                // Where a pixel is lost its own input, which widens nothing any more.
-                let mut inputs = own;
+                let (mut inputs, mut known) = ([0.0; BLOCK], [0.0; BLOCK]);
                 for i in 0..count {
                     let Some(track) = &mut tracks[i] else { continue };
                     if track.step(self.window[from].features, there, forward).is_none() {
@@ -394,14 +393,14 @@ impl<'a> Joint<'a> {
                     found.lanes |= 1 << i;
                     if let Some(row) = other.features.row_here(row) {
                         let colour = other.input.at(column as usize, row);
-                        inputs[i] = colour[0] + colour[1] + colour[2];
+                        (inputs[i], known[i]) = (colour[0] + colour[1] + colour[2], 1.0);
                     }
                 }
-                shown.add(simd, &inputs);
+                shown.add(simd, &inputs, &known);
                 met += 1;
             }
         }
-        let range = shown.range(self.settings);
+        let bounds = shown.bounds(self.settings, here.features.camera_motion);
         for found in &mut places[..met] {
             // Those that moved alike at once.
             while found.lanes != 0 {
@@ -418,9 +417,9 @@ impl<'a> Joint<'a> {
                 let (away, at) = (found.away, &found.at);
                 let there = Alike { place, other, signatures, away, at, alike: &alike };
                 if there.within() && whole(x as isize, here.features.size.width) {
-                    self.add_taps::<false, _>(simd, (x, y), &there, (lanes, range), sums);
+                    self.add_taps::<false, _>(simd, (x, y), &there, (lanes, bounds), sums);
                 } else {
-                    self.add_taps::<true, _>(simd, (x, y), &there, (lanes, range), sums);
+                    self.add_taps::<true, _>(simd, (x, y), &there, (lanes, bounds), sums);
                 }
             }
         }
@@ -433,7 +432,7 @@ impl<'a> Joint<'a> {
         simd: S,
         (x, y): (usize, usize),
         &Alike { place, other, signatures, away, at, alike }: &Alike<'_>,
-        (lanes, range): (&BandwidthLanes<S>, (f32x16<S>, f32x16<S>)),
+        (lanes, bounds): (&BandwidthLanes<S>, Bounds<f32x16<S>>),
         sums: &mut [[f32; BLOCK]; 5],
     ) {
         const R: isize = TAPS_IN_TIME as isize;
@@ -444,7 +443,7 @@ impl<'a> Joint<'a> {
         let own = self.own::<EDGE, _>(simd, (x, y));
         let (parts, by_distance, raw) = (&lanes.parts[1], lanes.offset[1], lanes.raw);
         let between = lanes.away * (away - 1) as f32;
-        let (low, high) = range;
+        let Bounds { low, high, fall } = bounds;
         let own_colour = self.colours::<EDGE, _>(simd, (x as isize, y), raw);
         let mut sum = [zero; 5];
         for k in 0..5 {
@@ -494,7 +493,7 @@ impl<'a> Joint<'a> {
                 let off_x = (lane + column as f32) - at_x;
                 let offset = off_x * off_x + off_y * off_y;
                 let shown = there.at(simd, BRIGHTNESS);
-                let beyond = (shown - high).max(low - shown).max(zero);
+                let beyond = ((shown - high) * fall).max(low - shown).max(zero);
                 let weight = exp2(simd, -(distance + by_distance * offset + between + beyond));
                 let weight = alike.select(weight, zero);
                 let weight = if EDGE {

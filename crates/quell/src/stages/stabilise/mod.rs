@@ -10,8 +10,8 @@
 //! | c, i | the filtered picture and the same as it came; g: share of the latter, near 0 where samples are few |
 //! | f | `Signature`; b, g: `Bandwidths`, of two nets; b of the albedo in other frames is at least `albedo` over the noise's relative variance, and `camera_albedo` where motion is the camera's alone |
 //! | w_p | 1; of an outlier (`blend/outlier.rs`) down to 0, and so much less do the light's bandwidths count |
-//! | b_l | 0 in the frame; max(0, l(q) - high, low - l(q)) in others; l: log2 of the median in 3x3 of the filtered picture's red + green + blue |
-//! | low, high | least and most of l(p) and of the same sum of p's input in every frame where p was found, less and plus log2 `contrast` |
+//! | b_l | 0 in the frame; max(0, c (l(q) - high), low - l(q)) in others; c: 1, or `camera_fall` where motion is the camera's alone; l: log2 of the median in 3x3 of the filtered picture's red + green + blue |
+//! | low, high | least and most of l(p) and of the same sum of p's input in every frame where p was found, less and plus log2 `contrast`; second most where motion is the camera's alone |
 //! | source | bandwidths of a cross-bilateral filter from a net on local statistics: Kalantari et al. 2015; over time, with statistics of the noise: ours, `docs/sequence.md` |
 //! | parameters | `stabilise.*`, `gather.travel`, `gather.future` |
 //!
@@ -341,14 +341,24 @@ pub(crate) fn signature_at(signatures: &HalfRows, x: usize, y: usize) -> Signatu
 #[derive(Clone, Copy, Default)]
 pub(crate) struct Shown {
     low: f32,
+    /// Most but for one frame, at least the pixel's own.
+    second: f32,
     high: f32,
+}
+
+/// From and to which [`log_brightness`] taps of other frames count whole, and how fast they count less above.
+#[derive(Clone, Copy)]
+pub(crate) struct Bounds<T> {
+    low: T,
+    high: T,
+    fall: f32,
 }
 
 impl Shown {
     /// Of its own picture, by the signature.
     #[inline(always)]
     pub(crate) fn new(own: f32) -> Self {
-        Self { low: own, high: own }
+        Self { low: own, second: own, high: own }
     }
 
     /// Widened by its input in one of the frames.
@@ -356,14 +366,18 @@ impl Shown {
     pub(crate) fn add(&mut self, input: Rgb) {
         let shown = log_brightness(input[0] + input[1] + input[2]);
         self.low = if shown < self.low { shown } else { self.low };
+        let next = if shown > self.high { self.high } else { shown };
         self.high = if shown > self.high { shown } else { self.high };
+        self.second = if next > self.second { next } else { self.second };
     }
 
-    /// The range in which taps of other frames count whole.
+    /// Positions are means over a pixel. Where motion comes of them alone, it misses at silhouettes: what the pixel showed in one
+    /// frame only may be the lamp beside it.
     #[inline(always)]
-    pub(crate) fn range(&self, s: &Stabilise) -> (f32, f32) {
+    pub(crate) fn bounds(&self, s: &Stabilise, camera_motion: bool) -> Bounds<f32> {
         let contrast = log2(s.contrast);
-        (self.low - contrast, self.high + contrast)
+        let (high, fall) = if camera_motion { (self.second, s.camera_fall) } else { (self.high, 1.0) };
+        Bounds { low: self.low - contrast, high: high + contrast, fall }
     }
 }
 
@@ -371,6 +385,7 @@ impl Shown {
 #[cfg(feature = "cpu")]
 struct ShownLanes<S: Simd> {
     low: f32x16<S>,
+    second: f32x16<S>,
     high: f32x16<S>,
 }
 
@@ -378,37 +393,44 @@ struct ShownLanes<S: Simd> {
 impl<S: Simd> ShownLanes<S> {
     #[inline(always)]
     fn new(own: f32x16<S>) -> Self {
-        Self { low: own, high: own }
+        Self { low: own, second: own, high: own }
     }
 
-    /// Widened by the red + green + blue of inputs.
+    /// Widened by the red + green + blue of inputs of those pixels that are `known` (1, else 0).
     #[inline(always)]
-    fn add(&mut self, simd: S, sums: &[f32; lanes::BLOCK]) {
+    fn add(&mut self, simd: S, sums: &[f32; lanes::BLOCK], known: &[f32; lanes::BLOCK]) {
+        let known = f32x16::from_slice(simd, known).simd_gt(f32x16::splat(simd, 0.0));
         let (sums, dark) = (f32x16::from_slice(simd, sums), f32x16::splat(simd, DARK));
         let shown = lanes::log2(simd, sums.simd_gt(dark).select(sums, dark));
+        // This widens nothing.
+        let shown = known.select(shown, self.second);
         self.low = shown.simd_lt(self.low).select(shown, self.low);
-        self.high = shown.simd_gt(self.high).select(shown, self.high);
+        let above = shown.simd_gt(self.high);
+        let next = above.select(self.high, shown);
+        self.high = above.select(shown, self.high);
+        self.second = next.simd_gt(self.second).select(next, self.second);
     }
 
     #[inline(always)]
-    fn range(&self, s: &Stabilise) -> (f32x16<S>, f32x16<S>) {
+    fn bounds(&self, s: &Stabilise, camera_motion: bool) -> Bounds<f32x16<S>> {
         let contrast = log2(s.contrast);
-        (self.low - contrast, self.high + contrast)
+        let (high, fall) = if camera_motion { (self.second, s.camera_fall) } else { (self.high, 1.0) };
+        Bounds { low: self.low - contrast, high: high + contrast, fall }
     }
 }
 
-/// The weight of a tap: its signature, squared distance and frames between, of a pixel that showed what lies from `low` to `high`.
+/// The weight of a tap: its signature, squared distance and frames between.
 pub(crate) fn tap_weight(
     b: &Bandwidths,
     own: &Signature,
-    (low, high): (f32, f32),
+    &Bounds { low, high, fall }: &Bounds<f32>,
     (signature, offset, away): (&Signature, f32, usize),
 ) -> f32 {
     let group = usize::from(away > 0);
     let distance = distance(own, signature, &b.parts[group]) + b.offset[group] * offset;
     let in_time = if away > 0 {
         let brightness = signature[BRIGHTNESS];
-        b.away * (away - 1) as f32 + (brightness - high).max(low - brightness).max(0.0)
+        b.away * (away - 1) as f32 + ((brightness - high) * fall).max(low - brightness).max(0.0)
     } else {
         0.0
     };
@@ -446,7 +468,7 @@ mod tests {
             shown.add(input);
         }
         let weight = |sum: f32, away: usize| {
-            tap_weight(&Bandwidths::default(), &own, shown.range(&settings), (&signature(sum), 0.0, away))
+            tap_weight(&Bandwidths::default(), &own, &shown.bounds(&settings, false), (&signature(sum), 0.0, away))
         };
         let near = |a: f32, b: f32| (a - b).abs() <= 1e-3 * b;
         // It showed 0.2 to 0.8: taps from 0.1 to 1.6 count whole.
@@ -454,10 +476,16 @@ mod tests {
         assert!(near(weight(16.0, 1), 0.1) && near(weight(0.01, 2), 0.1), "{} {}", weight(16.0, 1), weight(0.01, 2));
         // In the frame itself the signatures alone decide.
         assert!(near(weight(16.0, 0), 1.0));
+        // Where motion is the camera's alone, what one frame showed is not believed, and what is brighter counts less by the square.
+        shown.add([8.0, 8.0, 0.0]);
+        let weight = |sum: f32, camera: bool| {
+            let bounds = shown.bounds(&settings, camera);
+            tap_weight(&Bandwidths::default(), &own, &bounds, (&signature(sum), 0.0, 1))
+        };
+        assert!(near(weight(16.0, false), 1.0) && near(weight(1.5, true), 1.0) && near(weight(16.0, true), 0.01));
         // Dark inputs refuse nothing darker.
         shown.add([0.0; 3]);
-        let (low, _) = shown.range(&settings);
-        assert!(low < log_brightness(0.0));
+        assert!(shown.bounds(&settings, false).low < log_brightness(0.0));
     }
 
     #[test]

@@ -86,7 +86,7 @@ fn joint(
                 shown.add(other.input.at(column, row));
             }
         }
-        let shown = shown.range(s);
+        let shown = shown.bounds(s, here.features.camera_motion);
         let (mut sum, mut total) = ([0.0f64; 4], 0.0f64);
         for (frame, at, radius, away) in places {
             let other = &window[frame];
@@ -104,7 +104,7 @@ fn joint(
                 let weight = if itself {
                     f64::from(believed.max(LEAST_OWN))
                 } else {
-                    f64::from(tap_weight(&bandwidths, &own, shown, tap))
+                    f64::from(tap_weight(&bandwidths, &own, &shown, tap))
                 };
                 let colour = mixed(other.picture.data()[q], other.input.data()[q], bandwidths.raw);
                 for c in 0..3 {
