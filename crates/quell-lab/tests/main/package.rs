@@ -276,7 +276,7 @@ fn cases() -> Vec<(Size, Changes)> {
                 ("changed_light.certain", "2.3"),
                 ("changed_light.least", "0.03"),
                 ("changed_light.radius", "2"),
-                ("changed_light.spacing", "5"),
+                ("changed_light.spacing", "3"),
             ],
         ),
         (
