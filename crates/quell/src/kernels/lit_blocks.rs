@@ -1,11 +1,11 @@
-//! Where light is not black: filters leave out the blocks of which they know that nothing comes out.
+//! Which blocks of sixteen pixels have which lights: filters skip a light where it is 0 in all that they would read.
 
 use super::lanes::BLOCK;
 use crate::par;
 use crate::plane::Size;
 use std::ops::Range;
 
-/// Lights that are told apart; the others count as lit everywhere.
+/// Lights that have a bit of their own; further ones count as lit everywhere.
 const MOST: usize = u64::BITS as usize;
 
 /// For every [`BLOCK`] pixels of a row the lights that are not 0 in all of them.

@@ -183,7 +183,7 @@ parameters! {
             higher "Steadier and smoother edges, a little softer.", lower "More flicker.", source "ours";
         decay: f32 = 0.8, 0.0..=1.0, "per frame", "Weight of a neighbour one frame further away.",
             higher "Steadier.", lower "Sharper.", source "ours";
-        camera_fall: f32 = 2.0, 1.0..=16.0, "octaves", "Where motion is the camera's alone, as of files without motion vectors: by how much a neighbour in time counts less for each octave by which it is brighter than `stabilise.contrast` lets it be, of the second brightest that the pixel showed.",
+        camera_fall: f32 = 2.0, 1.0..=16.0, "", "Where motion is the camera's alone, as of files without motion vectors: a neighbour in time that is r times brighter than `stabilise.contrast` times the second brightest that the pixel showed gets r to minus this power as a factor of its weight.",
             higher "Lamps bleed less into what is dark beside them.", lower "More.", source "ours: docs/trials.md";
         contrast: f32 = 1.2, 1.0..=1e6, "times", "How much brighter or darker than anything that a pixel showed a neighbour in time may be before it counts less.",
             higher "Lamps bleed into what is dark beside them where motion misses.", lower "A little more flicker.", source "ours: docs/trials.md";

@@ -81,7 +81,7 @@ fn compared<'a>(
     if !seen || own <= times * most {
         return 1.0;
     }
-    // Among black, where this is infinite: nothing.
+    // Where all around is black the quotient is infinite, and the least comes out.
     1.0 - share * (own / (times * most) - 1.0).min(1.0)
 }
 
