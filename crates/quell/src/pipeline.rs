@@ -308,6 +308,8 @@ pub struct Plan {
     pub glossy_feedback: Option<Image>,
     /// The direct light that is shown, and remembered where it is anti-aliased.
     pub direct_output: Image,
+    /// Stage 8 looks at the hit distances of the frame before.
+    pub compares_hits: bool,
 }
 
 /// Steps in the making.
@@ -452,7 +454,9 @@ impl Plan {
         also_reads.extend(inputs.matte.then_some(matte_output));
         also_reads.extend(inputs.glossy.then_some(glossy_output));
         steps.add(Stage::Composite, direct_output, Image::Composite, &also_reads, &[]);
-        Self { steps: steps.0, matte_output, matte_feedback, glossy_output, glossy_feedback, direct_output }
+        let compares_hits = glossy_feedback.is_some() && settings.glossy_temporal.compares_hits();
+        let steps = steps.0;
+        Self { steps, matte_output, matte_feedback, glossy_output, glossy_feedback, direct_output, compares_hits }
     }
 
     /// True where a stage will run.

@@ -334,6 +334,14 @@ parameters! {
             higher "Looser clamp.", lower "Tighter clamp.", source "[O]";
         hit_filter: HitFilter = HitFilter::Min, (), "", "Filter of the hit distance over 3x3 before use.",
             higher "`min` and `median` keep the virtual point from jittering.", lower "`off`.", source "[I]";
+        mirror_roughness: f32 = 0.0, 0.0..=1.0, "perceptual roughness",
+            "Below it a surface is a mirror: its hit distances are taken as they are, without `hit_filter`, and `hit_tolerance` acts.",
+            higher "Rough reflections, whose hit distances are noisy, lose history.", lower "0: no surface is a mirror; reflected silhouettes lag.",
+            source "ours";
+        hit_tolerance: f32 = 0.08, 0.0..=10.0, "of the distance",
+            "On mirrors trust falls where the previous pixel's reflected ray ended nearer or farther than the reflected point by this; at `surface.falloff` times it nothing is left.",
+            higher "What came into view in the mirror takes light from what hid it.", lower "Slanting surfaces in mirrors lose history.",
+            source "ours; a match of hit distances as part of a confidence: Zhdan, GDC 2020 (talk)";
         curvature: bool = true, (), "", "On curved reflectors history is fetched where the previous surface reflected the same point.",
             higher "Curved mirrors keep their images.", lower "As in the paper: every reflector counts as plane, images in curved ones smear.",
             source "ours, named departure: `docs/paper.md`";
@@ -377,6 +385,13 @@ parameters! {
     }
 }
 
+impl GlossyTemporal {
+    /// Whether hit distances are compared with those of the frame before.
+    pub(crate) fn compares_hits(&self) -> bool {
+        self.virtual_reprojection && self.mirror_roughness > 0.0
+    }
+}
+
 impl Settings {
     /// The values of a preset.
     pub fn preset(preset: Preset) -> Self {
@@ -401,7 +416,7 @@ impl Settings {
                 deviations: 5.0,
             },
             changed_light: ChangedLight { matte: true, glossy: true, ..ChangedLight::default() },
-            glossy_temporal: GlossyTemporal { alpha: 0.85, ..GlossyTemporal::default() },
+            glossy_temporal: GlossyTemporal { alpha: 0.85, mirror_roughness: 0.03, ..GlossyTemporal::default() },
             // What is young is filtered already; mature light stays sharp.
             matte_prefilter: MattePrefilter { enabled: false, ..MattePrefilter::default() },
             disocclusion: Disocclusion { enabled: false, ..Disocclusion::default() },

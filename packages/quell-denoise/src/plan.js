@@ -101,11 +101,15 @@ export function planned(settings, signals, jitter) {
   );
   const guides = (count) => GUIDES.slice(0, count).map(now);
   const around = [...guides(3), ...BEFORE.map(earlier)];
+  // Stage 8 may look at the hit distances of the frame before; where it does not, any plane will do.
+  const comparesHits = glossy.fed !== null && settings["glossy_temporal.virtual_reprojection"] && settings["glossy_temporal.mirror_roughness"] > 0;
+  const aroundMirrors = [...around, { resource: GUIDES[2], copy: comparesHits ? "before" : "this" }];
   const bound = ({ pass, input, output, prefiltered }) => {
     const [from, to] = [place(input), place(output)];
     const signal = pass.split("_")[0];
     switch (pass) {
-      case "matte_temporal": case "glossy_temporal": return [...around, ...accumulating(signal, { input, output })];
+      case "matte_temporal": return [...around, ...accumulating(signal, { input, output })];
+      case "glossy_temporal": return [...aroundMirrors, ...accumulating(signal, { input, output })];
       case "matte_prefilter": case "matte_bilateral": return [...guides(2), now(`${pass.replace("_", " ")} taps`), from, to];
       case "disocclusion": return [from, place(prefiltered), to, place("matte blended with floor")];
       case "firefly": return [...guides(1), from, to];
@@ -130,7 +134,7 @@ export function planned(settings, signals, jitter) {
     const { pass } = step;
     if (pass === "matte_temporal" && bothTemporal) {
       const both = ["matte", "glossy"].flatMap((signal) => accumulating(signal, find(`${signal}_temporal`)));
-      dispatches.push({ pass: "matte_temporal+glossy_temporal", bound: [...around, ...both] });
+      dispatches.push({ pass: "matte_temporal+glossy_temporal", bound: [...aroundMirrors, ...both] });
     } else if (pass === "disocclusion" && isMedianOfBlend) {
       const [from, prefiltered, , floored] = bound(step);
       dispatches.push({ pass: "disocclusion+firefly", bound: [from, prefiltered, floored, place(median.output)] });

@@ -140,6 +140,8 @@ export function settingsStruct(settings, rows) {
       reflector_normal_min: s["glossy_temporal.reflector_normal_min"],
       reflector_roughness: s["glossy_temporal.reflector_roughness"],
       farthest_bent_px: scaled(made.constants.farthest_bent_px),
+      mirror_roughness: s["glossy_temporal.mirror_roughness"],
+      hit_tolerance: s["glossy_temporal.hit_tolerance"],
     },
     glossy_bilateral: {
       radius: place("glossy_bilateral.radius", s["glossy_bilateral.radius"]),

@@ -37,7 +37,7 @@ impl<'a> Builder<'a> {
         for step in &plan.steps {
             let (pass, places) = match (step.stage, both_temporal, blend_and_median) {
                 (Stage::MatteTemporal, Some((matte, glossy)), _) => (Pass::TEMPORAL, {
-                    let guides = GUIDES.into_iter().chain(GUIDES_BEFORE);
+                    let guides = GUIDES.into_iter().chain(self.guides_before(Signal::Glossy));
                     guides.chain(self.accumulating(matte)).chain(self.accumulating(glossy)).collect()
                 }),
                 (Stage::Disocclusion, _, Some((blend, median))) => {
@@ -128,7 +128,7 @@ impl<'a> Builder<'a> {
                             Signal::Matte => Pass::MATTE_TEMPORAL_JOINT,
                             Signal::Glossy => Pass::GLOSSY_TEMPORAL_JOINT,
                         };
-                        (pass, GUIDES.into_iter().chain(GUIDES_BEFORE).chain(planes).collect())
+                        (pass, GUIDES.into_iter().chain(self.guides_before(signal)).chain(planes).collect())
                     }
                     Stage::Firefly => (Pass::FIREFLY_JOINT, vec![GUIDES[0], input, own(input), own(output)]),
                     // Level 0 has no luminance stop: its weights are those of geometry.
@@ -188,6 +188,12 @@ impl<'a> Builder<'a> {
         }
     }
 
+    /// What the frame before showed: stage 8 may want its hit distances, too, and binds this frame's where it does not.
+    fn guides_before(&self, signal: Signal) -> impl Iterator<Item = Source> + use<> {
+        let hits = (signal == Signal::Glossy).then_some((Slot::Moving, self.plan.compares_hits));
+        GUIDES_BEFORE.into_iter().chain(hits)
+    }
+
     /// What stages 3 and 8 bind after the guides.
     fn accumulating(&self, step: &Step) -> [Source; 5] {
         let (history, length) = Self::history_of(step.stage);
@@ -209,8 +215,11 @@ impl<'a> Builder<'a> {
         let (input, output) = (self.place(step.input), self.place(step.output));
         let guides = GUIDES.into_iter();
         match step.stage {
-            Stage::MatteTemporal | Stage::GlossyTemporal => {
-                guides.chain(GUIDES_BEFORE).chain(self.accumulating(step)).collect()
+            Stage::MatteTemporal => {
+                guides.chain(self.guides_before(Signal::Matte)).chain(self.accumulating(step)).collect()
+            }
+            Stage::GlossyTemporal => {
+                guides.chain(self.guides_before(Signal::Glossy)).chain(self.accumulating(step)).collect()
             }
             Stage::MattePrefilter => guides.take(2).chain([(Slot::PrefilterTaps, false), input, output]).collect(),
             Stage::MatteBilateral => guides.take(2).chain([(Slot::BilateralTaps, false), input, output]).collect(),
@@ -287,6 +296,7 @@ impl<'a> Builder<'a> {
             return index;
         }
         let is_packed = !self.contents.textures;
+        let alternates = slot.alternates() || (slot == Slot::Moving && self.plan.compares_hits);
         let role = match slot {
             Slot::Geometry | Slot::Surface | Slot::Moving if is_packed => Role::Guides,
             Slot::PrefilterTaps | Slot::BilateralTaps => Role::Taps,
@@ -294,22 +304,14 @@ impl<'a> Builder<'a> {
             Slot::Repairs => Role::Counts,
             Slot::Absent(_) => Role::Absent,
             slot if slot.is_input() => Role::Input,
-            slot if slot.alternates() => Role::Persistent,
+            _ if alternates => Role::Persistent,
             _ => Role::Transient,
         };
         let absent = match slot {
             Slot::Guide(plane) => Some(self.index(Slot::Absent(plane.sample()), Holds::Host(plane.sample()))),
             _ => None,
         };
-        self.resources.push(Resource {
-            slot,
-            holds,
-            role,
-            alternates: slot.alternates(),
-            absent,
-            shares: None,
-            lasts: true,
-        });
+        self.resources.push(Resource { slot, holds, role, alternates, absent, shares: None, lasts: true });
         self.resources.len() - 1
     }
 

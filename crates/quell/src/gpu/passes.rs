@@ -26,11 +26,13 @@ const SURFACE: Binding = read("surface", Texel::Surface);
 const MOVING: Binding = read("moving", Texel::Moving);
 const GEOMETRY_BEFORE: Binding = read("geometry_before", Texel::Geometry);
 const SURFACE_BEFORE: Binding = read("surface_before", Texel::Surface);
+const MOVING_BEFORE: Binding = read("moving_before", Texel::Moving);
 
 const GUIDES: &str = include_str!("guides/depth.wgsl");
 const GUIDES_SURFACE: &str = include_str!("guides/surface.wgsl");
 const GUIDES_MOVING: &str = include_str!("guides/moving.wgsl");
 const GUIDES_BEFORE: &str = include_str!("guides/before.wgsl");
+const HIT_BEFORE: &str = include_str!("guides/hit_before.wgsl");
 const MATH: &str = include_str!("../kernels/math.wgsl");
 const EDGE: &str = include_str!("../kernels/edge.wgsl");
 const SPIRAL: &str = include_str!("../kernels/spiral.wgsl");
@@ -119,6 +121,19 @@ const TEMPORAL_BINDINGS: &[Binding] = &[
     written("output"),
     counted("new_length"),
 ];
+const GLOSSY_TEMPORAL_BINDINGS: &[Binding] = &[
+    GEOMETRY,
+    SURFACE,
+    MOVING,
+    GEOMETRY_BEFORE,
+    SURFACE_BEFORE,
+    MOVING_BEFORE,
+    colour("current"),
+    colour("history"),
+    number("history_length"),
+    written("output"),
+    counted("new_length"),
+];
 
 /// A plane that is tied to a signal, beside that signal's own images.
 const TEMPORAL_JOINT_BINDINGS: &[Binding] = &[
@@ -127,6 +142,20 @@ const TEMPORAL_JOINT_BINDINGS: &[Binding] = &[
     MOVING,
     GEOMETRY_BEFORE,
     SURFACE_BEFORE,
+    colour("current"),
+    colour("history"),
+    number("history_length"),
+    colour("pass_current"),
+    colour("pass_history"),
+    written("output"),
+];
+const GLOSSY_TEMPORAL_JOINT_BINDINGS: &[Binding] = &[
+    GEOMETRY,
+    SURFACE,
+    MOVING,
+    GEOMETRY_BEFORE,
+    SURFACE_BEFORE,
+    MOVING_BEFORE,
     colour("current"),
     colour("history"),
     number("history_length"),
@@ -264,7 +293,7 @@ impl Pass {
         stages: &[Stage::GlossyTemporal],
         per_frame: true,
         entry: "accumulate_glossy",
-        bindings: TEMPORAL_BINDINGS,
+        bindings: GLOSSY_TEMPORAL_BINDINGS,
         pieces: &[
             GUIDES,
             GUIDES_SURFACE,
@@ -273,6 +302,7 @@ impl Pass {
             MATH,
             CLIP,
             REPROJECT,
+            HIT_BEFORE,
             MIRROR_IMAGE,
             BESIDE,
             CHANGE,
@@ -346,6 +376,7 @@ impl Pass {
             MOVING,
             GEOMETRY_BEFORE,
             SURFACE_BEFORE,
+            MOVING_BEFORE,
             colour("matte_current"),
             colour("matte_history"),
             number("matte_history_length"),
@@ -365,6 +396,7 @@ impl Pass {
             MATH,
             CLIP,
             REPROJECT,
+            HIT_BEFORE,
             MIRROR_IMAGE,
             BESIDE,
             CHANGE,
@@ -424,7 +456,7 @@ impl Pass {
         stages: &[Stage::GlossyTemporal],
         per_frame: true,
         entry: "accumulate_glossy_joint",
-        bindings: TEMPORAL_JOINT_BINDINGS,
+        bindings: GLOSSY_TEMPORAL_JOINT_BINDINGS,
         pieces: &[
             GUIDES,
             GUIDES_SURFACE,
@@ -433,6 +465,7 @@ impl Pass {
             MATH,
             CLIP,
             REPROJECT,
+            HIT_BEFORE,
             MIRROR_IMAGE,
             BESIDE,
             CHANGE,

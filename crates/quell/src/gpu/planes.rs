@@ -45,7 +45,9 @@ impl Planes {
                 _ => String::new(),
             };
             let label = format!("{} {}{whose}", self.label, resource.slot.name());
-            self.copies.entry(resource.slot).or_insert_with(|| {
+            let copies = self.copies.entry(resource.slot).or_default();
+            let names: &[&str] = if resource.alternates { &["", " (other)"] } else { &[""] };
+            if copies.len() < names.len() {
                 let make = |other: &&str| {
                     let label = format!("{label}{other}");
                     let texture = device.create_texture(&wgpu::TextureDescriptor {
@@ -61,9 +63,8 @@ impl Planes {
                     let descriptor = wgpu::TextureViewDescriptor { label: Some(&label), ..Default::default() };
                     texture.create_view(&descriptor)
                 };
-                let copies: &[&str] = if resource.alternates { &["", " (other)"] } else { &[""] };
-                copies.iter().map(make).collect()
-            });
+                *copies = names.iter().map(make).collect();
+            }
         }
     }
 

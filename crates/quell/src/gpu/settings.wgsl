@@ -96,6 +96,8 @@ struct MirrorSettings {
     reflector_normal_min: f32,
     reflector_roughness: f32,
     farthest_bent_px: f32,
+    mirror_roughness: f32,
+    hit_tolerance: f32,
 }
 
 struct GlossyBilateralSettings {

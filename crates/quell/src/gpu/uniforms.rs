@@ -126,6 +126,8 @@ uniforms! {
         reflector_normal_min: f32,
         reflector_roughness: f32,
         farthest_bent_px: f32,
+        mirror_roughness: f32,
+        hit_tolerance: f32,
     }
 
     GlossyBilateral as "GlossyBilateralSettings" {
@@ -320,6 +322,8 @@ impl SettingsUniforms {
                 reflector_normal_min: s.glossy_temporal.reflector_normal_min,
                 reflector_roughness: s.glossy_temporal.reflector_roughness,
                 farthest_bent_px: FARTHEST_BENT_PX * rows / REFERENCE_ROWS,
+                mirror_roughness: s.glossy_temporal.mirror_roughness,
+                hit_tolerance: s.glossy_temporal.hit_tolerance,
             },
             glossy_bilateral: GlossyBilateral {
                 radius: match s.glossy_bilateral.radius {

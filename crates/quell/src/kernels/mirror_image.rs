@@ -1,19 +1,56 @@
 //! Where the mirror image of a glossy surface was in the previous frame, and which of the four pixels there still show
 //! the same reflector.
 
+use super::math::smoothstep;
 use super::reproject::{Expected, Lookup, distance_trust, lookup, on_screen};
 use crate::border::Guides;
 use crate::settings::{GlossyTemporal, HitFilter, REFERENCE_ROWS, Rejection, Settings, SurfaceSettings};
 use glam::{Vec2, Vec3};
 
-/// Glossy light: the footprint at a virtual coordinate, each pixel tested for the same reflector. Never by point
-/// distance: there the previous surface is another point of the mirror.
+/// What a pixel reflects, and its distance.
+#[derive(Clone, Copy, Debug)]
+pub struct Reflected {
+    /// The reflected point, world space; of no meaning where `distance` is not finite.
+    pub point: Vec3,
+    /// As filtered by [`filtered_hit`]; +inf: nothing.
+    pub distance: f32,
+}
+
+impl Reflected {
+    /// At pixel (x, y).
+    pub fn new(now: &Guides, distance: f32, x: usize, y: usize) -> Self {
+        let eye_ray = now.view.ray_direction(now.sample_position(x, y)).normalize();
+        let normal = Vec3::from(now.normal.at(x, y));
+        let reflected = eye_ray - 2.0 * eye_ray.dot(normal) * normal;
+        Self { point: now.world(x, y) + reflected * distance, distance }
+    }
+}
+
+/// How far a mirror's previous pixel is to be trusted: its reflected ray ended as far from it as the point that is reflected
+/// now lies. 1 on what is no mirror, and where the frame before had no hit distance (0).
+fn same_hit(before: &Guides, settings: &Settings, hit: &Reflected, tx: usize, ty: usize) -> f32 {
+    let then = before.glossy_hit.at(tx, ty);
+    if then <= 0.0 {
+        return 1.0;
+    }
+    if !(hit.distance.is_finite() && then.is_finite()) {
+        return if hit.distance.is_finite() == then.is_finite() { 1.0 } else { 0.0 };
+    }
+    let wanted = (hit.point - before.world(tx, ty)).length();
+    let begin = settings.glossy_temporal.hit_tolerance * wanted;
+    1.0 - smoothstep(begin, settings.surface.falloff * begin, (wanted - then).abs())
+}
+
+/// Glossy light: the footprint at a virtual coordinate, each pixel tested for the same reflector, and in mirrors for the same
+/// reflected point. Never by point distance: there the previous surface is another point of the mirror.
+#[expect(clippy::too_many_arguments, reason = "a pixel, what it shows and what it reflects")]
 pub fn reflector_lookup(
     now: &Guides,
     before: &Guides,
     settings: &Settings,
     expected: &Expected,
     coordinate: Vec2,
+    hit: &Reflected,
     x: usize,
     y: usize,
 ) -> Lookup {
@@ -22,6 +59,7 @@ pub fn reflector_lookup(
         return Lookup::default();
     }
     let (id, roughness) = (now.id.at(x, y), now.roughness.at(x, y));
+    let is_mirror = roughness < glossy.mirror_roughness;
     let plane = SurfaceSettings {
         rejection: if surface.rejection == Rejection::Off { Rejection::Off } else { Rejection::Plane },
         ..surface.clone()
@@ -34,7 +72,8 @@ pub fn reflector_lookup(
         {
             return 0.0;
         }
-        distance_trust(now, before, &plane, expected, tx, ty)
+        let trust = distance_trust(now, before, &plane, expected, tx, ty);
+        if is_mirror { trust * same_hit(before, settings, hit, tx, ty) } else { trust }
     })
 }
 
@@ -171,10 +210,11 @@ pub fn bent_coordinate(
     Some(if good { place } else { surface })
 }
 
-/// The glossy hit distance of pixel (x, y) after the 3x3 filter over the same reflector.
-pub fn filtered_hit(now: &Guides, filter: HitFilter, x: usize, y: usize) -> f32 {
+/// The glossy hit distance of pixel (x, y) after the 3x3 filter over the same reflector; a mirror's as it is.
+pub fn filtered_hit(now: &Guides, glossy: &GlossyTemporal, x: usize, y: usize) -> f32 {
     let centre = now.glossy_hit.at(x, y);
-    if filter == HitFilter::Off {
+    let filter = glossy.hit_filter;
+    if filter == HitFilter::Off || now.roughness.at(x, y) < glossy.mirror_roughness {
         return centre;
     }
     let (w, h) = (now.size.width, now.size.height);

@@ -15,9 +15,45 @@ fn mirrored_in(v: vec3f, normal: vec3f) -> vec3f {
     return v - 2.0 * dot(v, normal) * normal;
 }
 
-// Glossy light: the footprint at a virtual coordinate, each pixel tested for the same reflector. Never by point
-// distance: there the previous surface is another point of the mirror.
-fn reflector_lookup(expected: Expected, coordinate: vec2f, pixel: vec2i) -> Lookup {
+// Reflections so sharp that every hit distance is that of the image.
+fn is_mirror(roughness: f32) -> bool {
+    return roughness < settings.mirror.mirror_roughness;
+}
+
+// What a pixel reflects, and its distance.
+struct Reflected {
+    // The reflected point; of no meaning where the distance is not finite.
+    point: vec3f,
+    // As filtered by `filtered_hit`.
+    distance: f32,
+}
+
+fn reflected_at(pixel: vec2i, hit_distance: f32) -> Reflected {
+    let eye_ray = normalize_or_zero(ray_direction(frame.view, sample_position(pixel)));
+    let reflected = mirrored_in(eye_ray, surface_of(pixel).normal);
+    return Reflected(world_of(pixel) + reflected * select(0.0, hit_distance, hit_distance < FAR), hit_distance);
+}
+
+// How far a mirror's previous pixel is to be trusted: its reflected ray ended as far from it as the point that is reflected
+// now lies. 1 where the frame before had no hit distance (0).
+fn same_hit(q: vec2i, hit: Reflected) -> f32 {
+    let there = hit_before(q, depth_before(q));
+    if there <= 0.0 {
+        return 1.0;
+    }
+    let ends = hit.distance < FAR;
+    let ended = there < FAR;
+    if !(ends && ended) {
+        return select(0.0, 1.0, ends == ended);
+    }
+    let wanted = length(hit.point - world_before(q));
+    let begin = settings.mirror.hit_tolerance * wanted;
+    return 1.0 - hermite_step(begin, settings.surface.falloff * begin, abs(wanted - there));
+}
+
+// Glossy light: the footprint at a virtual coordinate, each pixel tested for the same reflector, and in mirrors for the same
+// reflected point. Never by point distance: there the previous surface is another point of the mirror.
+fn reflector_lookup(expected: Expected, coordinate: vec2f, hit: Reflected, pixel: vec2i) -> Lookup {
     if !on_screen(coordinate) {
         return no_lookup();
     }
@@ -38,6 +74,9 @@ fn reflector_lookup(expected: Expected, coordinate: vec2f, pixel: vec2i) -> Look
             continue;
         }
         trusts[k] = distance_trust(expected, q, rejection);
+        if is_mirror(own.roughness) {
+            trusts[k] *= same_hit(q, hit);
+        }
     }
     return lookup_of(footprint, trusts);
 }
@@ -171,11 +210,11 @@ fn bent_coordinate(expected: Expected, visible: Lookup, hit_distance: f32, pixel
     return Place(select(expected.coordinate, place / frame.to_before, good), true);
 }
 
-// The glossy hit distance of a pixel after the 3x3 filter over the same reflector.
+// The glossy hit distance of a pixel after the 3x3 filter over the same reflector; a mirror's as it is.
 fn filtered_hit(pixel: vec2i) -> f32 {
     let own = surface_of(pixel);
     let own_hit = moving_at(pixel, own.view_depth).glossy_hit;
-    if settings.mirror.hit_filter == HIT_FILTER_OFF {
+    if settings.mirror.hit_filter == HIT_FILTER_OFF || is_mirror(own.roughness) {
         return own_hit;
     }
     var values: array<f32, 9>;

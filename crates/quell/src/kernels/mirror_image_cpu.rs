@@ -2,7 +2,7 @@
 
 use super::math::three;
 use super::mirror_image::{FARTHEST_BENT_PX, LEAST_BENT_DETERMINANT, SAME_NORMAL, SAME_PLANE_PX};
-use super::reproject_cpu::{Expected, Footprint, LANES, Lanes, Lookup, Screen, dot, lane};
+use super::reproject_cpu::{Expected, Footprint, LANES, Lanes, Lookup, Reflected, Screen, dot, lane};
 use crate::camera::Projection;
 use crate::phased::guides::{CpuGuides, field};
 use crate::phased::layout::copy;
@@ -189,12 +189,13 @@ pub(crate) fn bent_coordinates(
 #[inline(always)]
 pub(crate) fn filtered_hits(
     guides: &CpuGuides,
-    filter: HitFilter,
+    settings: &Settings,
     e: &Expected,
     (phase, first): (usize, usize),
     hits: &mut Lanes,
 ) {
     let (phases, size) = (&guides.phases, guides.phases.size);
+    let filter = settings.glossy_temporal.hit_filter;
     let row = |y: usize| &guides.glossy_hit[y * size.width..][..size.width];
     let begin = phases.range(phase).start + first;
     copy::<LANES, _>(&mut hits[..e.n], &row(e.y)[begin..][..e.n]);
@@ -203,6 +204,7 @@ pub(crate) fn filtered_hits(
     if filter == HitFilter::Off {
         return;
     }
+    let own = *hits;
     for k in 0..9 {
         let (dx, ty) = (k as i32 % 3 - 1, (e.y + k / 3).wrapping_sub(1));
         if ty >= size.height {
@@ -213,18 +215,18 @@ pub(crate) fn filtered_hits(
         let source = &row(ty)[span.source..][..n];
         let depth = &field(&guides.now.depth, size.width, 1, ty, 0)[span.source..][..n];
         let id = &field(&guides.now.id, size.width, 1, ty, 0)[span.source..][..n];
-        let own = &e.id[span.first..][..n];
+        let ids = &e.id[span.first..][..n];
         if filter == HitFilter::Min {
             let hits = &mut hits[span.first..][..n];
             for i in 0..n {
-                let counts = (depth[i] < f32::INFINITY) & (id[i] == own[i]) & (source[i] < hits[i]);
+                let counts = (depth[i] < f32::INFINITY) & (id[i] == ids[i]) & (source[i] < hits[i]);
                 hits[i] = if counts { source[i] } else { hits[i] };
             }
         } else {
             values[k][span.first..][..n].copy_from_slice(source);
             let counts = &mut counts[k][span.first..][..n];
             for i in 0..n {
-                counts[i] = u32::from((depth[i] < f32::INFINITY) & (id[i] == own[i]));
+                counts[i] = u32::from((depth[i] < f32::INFINITY) & (id[i] == ids[i]));
             }
         }
     }
@@ -240,6 +242,45 @@ pub(crate) fn filtered_hits(
             }
             around[..count].sort_unstable_by(f32::total_cmp);
             hits[i] = around[..count].get(count / 2).copied().unwrap_or(hits[i]);
+        }
+    }
+    let mirror_roughness = settings.glossy_temporal.mirror_roughness;
+    for i in 0..LANES {
+        hits[i] = if e.roughness[i] < mirror_roughness { own[i] } else { hits[i] };
+    }
+}
+
+/// What the lanes reflect. `hit`: filtered hit distances.
+#[inline(always)]
+pub(crate) fn reflected_points(
+    guides: &CpuGuides,
+    settings: &Settings,
+    e: &Expected,
+    hit: &Lanes,
+    reflected: &mut Reflected,
+) {
+    let mirror_roughness = settings.glossy_temporal.mirror_roughness;
+    let mut any = 0;
+    for i in 0..LANES {
+        reflected.mirror[i] = u32::from((e.depth[i] < f32::INFINITY) & (e.roughness[i] < mirror_roughness));
+        any |= reflected.mirror[i];
+    }
+    reflected.any = any != 0;
+    if !reflected.any {
+        return;
+    }
+    reflected.distance = *hit;
+    let (d, jitter) = (&guides.now.view.direction, guides.now.jitter);
+    let v = e.y as f32 + 0.5 + jitter.y;
+    for i in 0..LANES {
+        let u = e.x[i] + 0.5 + jitter.x;
+        let ray = three(|c| d[0][c] + d[1][c] * u + d[2][c] * v);
+        let scale = 1.0 / dot(ray, ray).sqrt();
+        let ray = three(|c| ray[c] * scale);
+        let normal = lane(&e.normal, i);
+        let twice = 2.0 * dot(ray, normal);
+        for c in 0..3 {
+            reflected.point[c][i] = e.position[c][i] + (ray[c] - twice * normal[c]) * hit[i];
         }
     }
 }

@@ -374,6 +374,20 @@ pub(crate) struct Footprint {
     id: [[u32; LANES]; 4],
 }
 
+/// What lanes reflect.
+#[derive(Debug)]
+#[repr(align(64))]
+pub(crate) struct Reflected {
+    /// The reflected points, world space; of no meaning where `distance` is not finite.
+    pub point: Lanes3,
+    /// Filtered hit distances.
+    pub distance: Lanes,
+    /// 1: the lane shows a mirror.
+    pub mirror: [u32; LANES],
+    /// Some lane does.
+    pub any: bool,
+}
+
 /// Up to four pixels of the previous image for each lane, with weights that add up to 1, and how far they are to be
 /// trusted.
 #[derive(Debug)]
@@ -388,6 +402,12 @@ pub(crate) struct Lookup {
 impl Lookup {
     pub fn new() -> Self {
         Self { weight: [[0.0; LANES]; 4], trust: [0.0; LANES] }
+    }
+}
+
+impl Reflected {
+    pub fn new() -> Self {
+        Self { point: [[0.0; LANES]; 3], distance: [0.0; LANES], mirror: [0; LANES], any: false }
     }
 }
 
@@ -477,16 +497,19 @@ impl Footprint {
         }
     }
 
-    /// Each of the four pixels tested singly. `reflector`: the pixel must show the same reflector.
+    /// Each of the four pixels tested singly. `reflector`: the pixel must show the same reflector, and where it is a mirror the
+    /// same reflected point.
     #[inline(always)]
     pub fn look_up(
         &mut self,
         guides: &CpuGuides,
         settings: &Settings,
         e: &Expected,
-        reflector: bool,
+        reflector: Option<&Reflected>,
         found: &mut Lookup,
     ) {
+        let mirrors = reflector.filter(|hit| hit.any && guides.glossy_hit_before.len() == guides.phases.size.pixels());
+        let reflector = reflector.is_some();
         let (surface, glossy) = (&settings.surface, &settings.glossy_temporal);
         let least_cosine = if reflector { glossy.reflector_normal_min } else { surface.normal_min };
         // Never by point distance on a reflector: there the previous surface is another point of the mirror.
@@ -535,6 +558,10 @@ impl Footprint {
                     distance[i] = dot(offset, offset).sqrt();
                 }
             }
+            let mut of_hit = [1.0; LANES];
+            if let Some(hit) = mirrors {
+                self.same_hits(guides, settings, hit, k, &mut of_hit);
+            }
             for i in 0..LANES {
                 let depth = self.depth[k][i];
                 let cosine = dot(lane(&self.normal[k], i), lane(&e.was_facing, i));
@@ -546,6 +573,7 @@ impl Footprint {
                     & (difference <= roughness_limit);
                 let trust = 1.0 - step(begin[i], surface.falloff * begin[i], distance[i]);
                 let trust = if no_rejection { 1.0 } else { trust };
+                let trust = trust * of_hit[i];
                 let counts = same & (trust > 0.0);
                 let weight = if counts { self.weight[k][i] } else { 0.0 };
                 found.weight[k][i] = weight;
@@ -559,6 +587,36 @@ impl Footprint {
                 found.weight[k][i] = if enough { found.weight[k][i] / total[i] } else { 0.0 };
             }
             found.trust[i] = if enough { trusted[i] / total[i] } else { 0.0 };
+        }
+    }
+
+    /// How far the footprint's pixel `k` is to be trusted where lanes show mirrors: `same_hit` of `mirror_image.rs`.
+    #[inline(never)]
+    fn same_hits(&self, guides: &CpuGuides, settings: &Settings, hit: &Reflected, k: usize, out: &mut Lanes) {
+        let (width, place) = (guides.phases.size.width, &self.place[k]);
+        let (tolerance, falloff) = (settings.glossy_temporal.hit_tolerance, settings.surface.falloff);
+        let before = &guides.glossy_hit_before;
+        // 0: no evidence.
+        let mut then = [0.0; LANES];
+        for &(first, n) in &self.segments.runs[..self.segments.count] {
+            let source = &before[place.row[first] as usize * width + place.element[first] as usize..][..n];
+            copy::<LANES, _>(&mut then[first..][..n], source);
+        }
+        for &i in self.segments.singles() {
+            if self.depth[k][i] < f32::INFINITY {
+                then[i] = before[place.row[i] as usize * width + place.element[i] as usize];
+            }
+        }
+        for i in 0..LANES {
+            let (now, then) = (hit.distance[i], then[i]);
+            let away = three(|c| hit.point[c][i] - self.position[k][c][i]);
+            let wanted = dot(away, away).sqrt();
+            let begin = tolerance * wanted;
+            let trust = 1.0 - step(begin, falloff * begin, (wanted - then).abs());
+            let (ends, ended) = (now < f32::INFINITY, then < f32::INFINITY);
+            let both = if ends == ended { 1.0 } else { 0.0 };
+            let trust = if ends & ended { trust } else { both };
+            out[i] = if (hit.mirror[i] != 0) & (then > 0.0) { trust } else { 1.0 };
         }
     }
 }

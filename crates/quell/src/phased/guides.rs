@@ -58,6 +58,8 @@ pub(crate) struct CpuGuides {
     pub motion: Vec<f32>,
     /// Glossy hit distance; empty where the host gave none.
     pub glossy_hit: Vec<f32>,
+    /// That of the frame before; empty where the host gave none, which means 0 everywhere.
+    pub glossy_hit_before: Vec<f32>,
     /// The host's trust in history; empty where it gave none, which means 1.
     pub confidence_in: Vec<f32>,
     pub has_roughness: bool,
@@ -78,6 +80,7 @@ impl CpuGuides {
             previous_view: view,
             motion: vec![0.0; 2 * phases.size.pixels()],
             glossy_hit: Vec::new(),
+            glossy_hit_before: Vec::new(),
             confidence_in: Vec::new(),
             has_roughness: false,
         }
@@ -95,6 +98,7 @@ impl CpuGuides {
         let view = frame.camera.projection(size).ok_or(Error::Camera { which: "camera" })?;
         let previous_view = frame.previous_camera.projection(size).ok_or(Error::Camera { which: "previous_camera" })?;
         std::mem::swap(&mut self.now, &mut self.before);
+        std::mem::swap(&mut self.glossy_hit, &mut self.glossy_hit_before);
         let now = &mut self.now;
         now.view = view;
         now.jitter = Vec2::from(frame.camera.jitter);

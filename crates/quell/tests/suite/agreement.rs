@@ -199,6 +199,9 @@ fn only(settings: &[(&str, &str)]) -> Settings {
 
 #[test]
 fn every_stage_alone_agrees() {
+    /// Everything is a mirror, and no hit distance is quite right.
+    const HITS: &[(&str, &str)] =
+        &[("glossy_temporal.mirror_roughness", "1"), ("glossy_temporal.hit_tolerance", "0.01")];
     const TEMPORAL: &[(&str, &str)] = &[("matte_temporal.enabled", "on"), ("pipeline.feedback", "temporal")];
     const GLOSSY: &[(&str, &str)] = &[("glossy_temporal.enabled", "on"), ("glossy_temporal.clip", "box")];
     // Nearly every difference between the means counts, and part of history stays.
@@ -255,6 +258,7 @@ fn every_stage_alone_agrees() {
         ("8, deviations", [GLOSSY, &[("glossy_temporal.clip", "sigma")]].concat(), DEVIATIONS),
         ("8, median", [GLOSSY, &[("glossy_temporal.hit_filter", "median")]].concat(), EXACT),
         ("8, unfiltered", [GLOSSY, &[("glossy_temporal.hit_filter", "off")]].concat(), EXACT),
+        ("8, hits", [GLOSSY, HITS].concat(), EXACT),
         ("8, not virtual", [GLOSSY, &[("glossy_temporal.virtual_reprojection", "off")]].concat(), EXACT),
         ("9, 10", vec![("glossy_bilateral.enabled", "on")], WEIGHTS),
         ("9, 10, monotone", vec![("glossy_bilateral.enabled", "on"), ("edge.monotone", "on")], WEIGHTS),

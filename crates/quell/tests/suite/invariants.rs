@@ -723,6 +723,39 @@ fn in_a_static_scene_both_forms_of_virtual_reprojection_agree() {
     assert!(error < 0.05, "{error}");
 }
 
+#[test]
+fn what_comes_into_view_in_a_mirror_takes_no_light_from_what_hid_it() {
+    // A thing stands before half of a resting mirror; from frame 4 on it is away, and farther things are seen.
+    let scene = mirror(still, false, Noise::None);
+    let shown = |settings: &Settings, backend: Backend| {
+        let mut denoiser = Denoiser::with_backend(SMALL, settings, backend).unwrap();
+        let mut last = None;
+        for i in 0..6 {
+            let mut frame = scene.frame(SMALL, i);
+            let hidden = |x: usize| i < 4 && x < SMALL.width / 2;
+            frame.glossy = Some(Plane::from_fn(SMALL, |x, _| if hidden(x) { [4.0; 3] } else { [1.0; 3] }));
+            frame.glossy_hit_distance = Some(Plane::from_fn(SMALL, |x, _| if hidden(x) { 1.0 } else { 3.0 }));
+            last = denoise(&mut denoiser, &frame).glossy;
+        }
+        last.unwrap()
+    };
+    for backend in BACKENDS {
+        let mut settings = Settings::default().without_spatial_filters();
+        settings.glossy_temporal.clip = Clip::Off;
+        // Canary: without the test light of the thing is left.
+        assert!(shown(&settings, backend).at(8, 16)[0] > 2.0);
+        settings.glossy_temporal.mirror_roughness = 0.03;
+        let glossy = shown(&settings, backend);
+        for (x, y) in (0..SMALL.height).flat_map(|y| (0..SMALL.width).map(move |x| (x, y))) {
+            assert!((glossy.at(x, y)[0] - 1.0).abs() < 1e-5, "{backend:?} ({x}, {y}): {:?}", glossy.at(x, y));
+        }
+        // What is no mirror keeps its history.
+        settings.glossy_temporal.mirror_roughness = 0.0;
+        settings.glossy_temporal.hit_tolerance = 0.0;
+        assert!(shown(&settings, backend).at(8, 16)[0] > 2.0);
+    }
+}
+
 /// Errors, sorted, of the place of the image in a mirror sphere, against the place where the reflected previous eye ray
 /// meets the same point: as stage 8 finds it, and as if the sphere were plane.
 fn bent_errors(scene: &Scene, index: i64) -> [Vec<f32>; 2] {
@@ -1169,6 +1202,7 @@ fn trials() -> Vec<(&'static str, Settings, Vec<FrameBuf>)> {
     other.matte_temporal.clip_gamma = 0.5;
     other.glossy_temporal.clip = Clip::Sigma;
     other.glossy_temporal.clip_gamma = 0.5;
+    other.glossy_temporal.mirror_roughness = 0.3;
     other.pipeline.feedback = Feedback::Blend;
     other.glossy_bilateral.radius = GlossyRadius::Constant;
     other.glossy_bilateral.constant_radius = with_radius(Settings::default(), size, 6.0).glossy_bilateral.max_radius;

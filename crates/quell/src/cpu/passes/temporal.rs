@@ -207,7 +207,7 @@ impl Scratch {
             None => {
                 expected.find(guides, &settings.surface, (y, begin, n), (x, PERIOD));
                 footprint.collect(guides, &expected.coordinate, &expected.alive, false);
-                footprint.look_up(guides, settings, expected, false, lookup);
+                footprint.look_up(guides, settings, expected, None, lookup);
                 if mirrors || out.seen.is_some() {
                     visible(guides, settings, (footprint, lookup), expected, surfaces);
                 }

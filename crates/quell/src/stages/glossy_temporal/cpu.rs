@@ -1,7 +1,9 @@
 //! Stage 8 on runs of pixels: where the mirror image was, among what still shows the same reflector.
 
-use crate::kernels::mirror_image_cpu::{bent_coordinates, filtered_hits, previous_reflectors, virtual_coordinates};
-use crate::kernels::reproject_cpu::{Expected, Footprint, LANES, Lanes, Lookup};
+use crate::kernels::mirror_image_cpu::{
+    bent_coordinates, filtered_hits, previous_reflectors, reflected_points, virtual_coordinates,
+};
+use crate::kernels::reproject_cpu::{Expected, Footprint, LANES, Lanes, Lookup, Reflected};
 use crate::phased::guides::CpuGuides;
 use crate::settings::Settings;
 
@@ -45,7 +47,7 @@ pub(crate) fn reflect<const MOVED: bool>(
         alive[i] = u32::from(visible[i].abs() > 0.0);
     }
     let mut hit = [0.0; LANES];
-    filtered_hits(guides, settings.glossy_temporal.hit_filter, expected, run, &mut hit);
+    filtered_hits(guides, settings, expected, run, &mut hit);
     let mut coordinate = [[0.0; LANES]; 2];
     virtual_coordinates::<MOVED>(guides, settings, expected, &hit, &mut coordinate, &mut alive);
     if MOVED && expected.bent.iter().any(|bent| *bent != 0) {
@@ -53,7 +55,9 @@ pub(crate) fn reflect<const MOVED: bool>(
         bent_coordinates(guides, settings, expected, there, &hit, &mut coordinate, &mut alive);
     }
     footprint.collect(guides, &coordinate, &alive, true);
-    footprint.look_up(guides, settings, expected, true, lookup);
+    let mut reflected = Reflected::new();
+    reflected_points(guides, settings, expected, &hit, &mut reflected);
+    footprint.look_up(guides, settings, expected, Some(&reflected), lookup);
     for i in 0..LANES {
         lookup.trust[i] *= visible[i].abs();
     }

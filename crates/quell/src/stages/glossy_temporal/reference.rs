@@ -3,7 +3,7 @@
 use crate::border::Guides;
 use crate::frame::Rgb;
 use crate::kernels::mirror_image::{
-    bent_coordinate, filtered_hit, previous_reflector, reflector_lookup, virtual_coordinate,
+    Reflected, bent_coordinate, filtered_hit, previous_reflector, reflector_lookup, virtual_coordinate,
 };
 use crate::kernels::reproject::{Lookup, expected_surface, surface_lookup};
 use crate::kernels::temporal::Blend;
@@ -24,12 +24,13 @@ pub fn run(current: &[Plane<Rgb>], history: Option<Remembered<'_>>, now: &Guides
             return visible;
         }
         let expected = previous_reflector(now, before, &expected, &visible, x, y);
-        let hit = filtered_hit(now, glossy.hit_filter, x, y);
+        let hit = filtered_hit(now, glossy, x, y);
         let bent = if glossy.curvature { bent_coordinate(now, before, &expected, &visible, hit, x, y) } else { None };
         let Some(coordinate) = bent.or_else(|| virtual_coordinate(now, glossy, &expected, hit, x, y)) else {
             return Lookup::default();
         };
-        let mut reflected = reflector_lookup(now, before, settings, &expected, coordinate, x, y);
+        let mut reflected =
+            reflector_lookup(now, before, settings, &expected, coordinate, &Reflected::new(now, hit, x, y), x, y);
         reflected.trust *= visible.trust;
         reflected
     })

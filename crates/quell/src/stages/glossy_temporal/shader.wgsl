@@ -25,7 +25,7 @@ fn glossy_temporal_lookup(pixel: vec2i) -> Lookup {
     if !place.found {
         return no_lookup();
     }
-    var reflected = reflector_lookup(expected, place.coordinate, pixel);
+    var reflected = reflector_lookup(expected, place.coordinate, reflected_at(pixel, hit), pixel);
     reflected.trust *= visible.trust;
     return reflected;
 }

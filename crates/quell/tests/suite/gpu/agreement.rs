@@ -163,6 +163,9 @@ const fn case(
     Case { name, bound, changes, job }
 }
 
+/// Everything is a mirror, and no hit distance is quite right.
+const HITS: &[(&str, &str)] = &[("glossy_temporal.mirror_roughness", "1"), ("glossy_temporal.hit_tolerance", "0.01")];
+
 /// A luminance stop, and lobes wide enough that every level acts.
 const YOUNG_GLOSSY: &[(&str, &str)] =
     &[("young_filter.deviations", "3"), ("young_filter.lobe", "0.5"), ("young_filter.least_lobe", "2")];
@@ -255,6 +258,9 @@ pub const CASES: &[Case] = &[
     case("8, unfiltered", MIRRORS, &[("glossy_temporal.hit_filter", "off")], |i, s| {
         i.temporal(Signal::Glossy, s, true)
     }),
+    case("8, hits", MIRRORS, HITS, |i, s| i.temporal(Signal::Glossy, s, true)),
+    case("8, hits, joint", MIRRORS, HITS, |i, s| i.temporal_joint(Signal::Glossy, s)),
+    case("3+8, hits", MIRRORS, HITS, |i, s| i.both_temporal(s)),
     case("8, plane", MIRRORS, &[("glossy_temporal.curvature", "off")], |i, s| i.temporal(Signal::Glossy, s, true)),
     case("8, not virtual", SURFACES, &[("glossy_temporal.virtual_reprojection", "off")], |i, s| {
         i.temporal(Signal::Glossy, s, true)
@@ -425,6 +431,10 @@ pub const PLANTED: &[(&str, &str, &str)] = &[
     ("8", "expected.moved || turned || shifted", "expected.moved"),
     ("8", "vec2f(b * q - c * p, b * p - a * q)", "vec2f(0.0)"),
     ("8, median", "let middle = count / 2u;", "let middle = 0u;"),
+    ("8, hits", "textureLoad(moving_before, pixel, 0)", "textureLoad(moving, pixel, 0)"),
+    ("8, hits", "settings.mirror.hit_tolerance * wanted", "3.0 * settings.mirror.hit_tolerance * wanted"),
+    ("8, hits", "length(hit.point - world_before(q))", "hit.distance"),
+    ("8, hits", "|| is_mirror(own.roughness)", ""),
     // stages
     ("3", "accumulate(settings.matte_blend,", "accumulate(settings.glossy_blend,"),
     ("4", "i < shape.taps;", "i + 1u < shape.taps;"),

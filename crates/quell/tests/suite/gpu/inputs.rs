@@ -98,10 +98,12 @@ impl Inputs {
         [texels.geometry, texels.surface, texels.moving]
     }
 
-    /// The two that outlive their frame.
-    fn guide_planes_before(&self) -> [Vec<u8>; 2] {
+    /// Those of the frame before that stage 3 or 8 reads.
+    fn guide_planes_before(&self, signal: Signal) -> Vec<Vec<u8>> {
         let texels = pack_guides(self.before(), self.storage);
-        [texels.geometry, texels.surface]
+        let mut planes = vec![texels.geometry, texels.surface];
+        planes.extend((signal == Signal::Glossy).then_some(texels.moving));
+        planes
     }
 
     fn job(&self, pass: Pass, settings: &Settings, inputs: Vec<Vec<u8>>, colours: Vec<Plane<Rgb>>) -> Job {
@@ -131,7 +133,8 @@ impl Inputs {
         let remembered = remembered(&history, self.before());
         let current = self.signal(signal, BEFORE);
         let temporal = run(std::slice::from_ref(&current), with_history.then_some(remembered), self.now(), settings);
-        let mut inputs: Vec<Vec<u8>> = self.guide_planes().into_iter().chain(self.guide_planes_before()).collect();
+        let mut inputs: Vec<Vec<u8>> =
+            self.guide_planes().into_iter().chain(self.guide_planes_before(signal)).collect();
         inputs.extend([colour_bytes(&current), colour_bytes(&history.planes[0]), length_bytes(&history)]);
         let mut job = self.job(pass, settings, inputs, temporal.planes.clone());
         if !with_history {
@@ -164,7 +167,8 @@ impl Inputs {
         let history = last.unwrap();
         let remembered = remembered(&history, self.before());
         let [current, own] = planes(BEFORE);
-        let mut inputs: Vec<Vec<u8>> = self.guide_planes().into_iter().chain(self.guide_planes_before()).collect();
+        let mut inputs: Vec<Vec<u8>> =
+            self.guide_planes().into_iter().chain(self.guide_planes_before(signal)).collect();
         inputs.extend([colour_bytes(&current), colour_bytes(&history.planes[0]), length_bytes(&history)]);
         inputs.extend([colour_bytes(&own), colour_bytes(&history.planes[1])]);
         let mut temporal = run(&[current, own], Some(remembered), self.now(), settings);
@@ -319,7 +323,10 @@ impl Inputs {
         let mut job = self.temporal(Signal::Matte, settings, true);
         let mut glossy = self.temporal(Signal::Glossy, settings, true);
         job.pass = Pass::TEMPORAL;
-        job.inputs.extend(glossy.inputs.drain(5..));
+        let matte = job.inputs.split_off(5);
+        job.inputs = glossy.inputs.drain(..6).collect();
+        job.inputs.extend(matte);
+        job.inputs.append(&mut glossy.inputs);
         job.expected.colours.append(&mut glossy.expected.colours);
         job.expected.scalars.append(&mut glossy.expected.scalars);
         job
