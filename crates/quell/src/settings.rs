@@ -339,7 +339,7 @@ parameters! {
             higher "Rough reflections, whose hit distances are noisy, lose history.", lower "0: no surface is a mirror; reflected silhouettes lag.",
             source "ours";
         hit_tolerance: f32 = 0.08, 0.0..=10.0, "of the distance",
-            "On mirrors trust falls where the previous pixel's reflected ray ended nearer or farther than the reflected point by this; at `surface.falloff` times it nothing is left.",
+            "On mirrors trust falls where the previous pixel's reflected ray ended nearer or farther than the reflected point by this; at `surface.falloff` times it nothing is left. Never under `surface.pixel_distance`.",
             higher "What came into view in the mirror takes light from what hid it.", lower "Slanting surfaces in mirrors lose history.",
             source "ours; a match of hit distances as part of a confidence: Zhdan, GDC 2020 (talk)";
         curvature: bool = true, (), "", "On curved reflectors history is fetched where the previous surface reflected the same point.",

@@ -27,8 +27,9 @@ impl Reflected {
 }
 
 /// How far a mirror's previous pixel is to be trusted: its reflected ray ended as far from it as the point that is reflected
-/// now lies. 1 on what is no mirror, and where the frame before had no hit distance (0).
-fn same_hit(before: &Guides, settings: &Settings, hit: &Reflected, tx: usize, ty: usize) -> f32 {
+/// now lies, but for `least`, the size of a pixel: neighbours see a contact that far apart. 1 where the frame before had no hit
+/// distance (0).
+fn same_hit(before: &Guides, settings: &Settings, hit: &Reflected, least: f32, tx: usize, ty: usize) -> f32 {
     let then = before.glossy_hit.at(tx, ty);
     if then <= 0.0 {
         return 1.0;
@@ -37,7 +38,7 @@ fn same_hit(before: &Guides, settings: &Settings, hit: &Reflected, tx: usize, ty
         return if hit.distance.is_finite() == then.is_finite() { 1.0 } else { 0.0 };
     }
     let wanted = (hit.point - before.world(tx, ty)).length();
-    let begin = settings.glossy_temporal.hit_tolerance * wanted;
+    let begin = (settings.glossy_temporal.hit_tolerance * wanted).max(least);
     1.0 - smoothstep(begin, settings.surface.falloff * begin, (wanted - then).abs())
 }
 
@@ -60,6 +61,7 @@ pub fn reflector_lookup(
     }
     let (id, roughness) = (now.id.at(x, y), now.roughness.at(x, y));
     let is_mirror = roughness < glossy.mirror_roughness;
+    let least = surface.pixel_distance * now.view.pixel_size(expected.view_depth);
     let plane = SurfaceSettings {
         rejection: if surface.rejection == Rejection::Off { Rejection::Off } else { Rejection::Plane },
         ..surface.clone()
@@ -73,7 +75,7 @@ pub fn reflector_lookup(
             return 0.0;
         }
         let trust = distance_trust(now, before, &plane, expected, tx, ty);
-        if is_mirror { trust * same_hit(before, settings, hit, tx, ty) } else { trust }
+        if is_mirror { trust * same_hit(before, settings, hit, least, tx, ty) } else { trust }
     })
 }
 

@@ -35,8 +35,9 @@ fn reflected_at(pixel: vec2i, hit_distance: f32) -> Reflected {
 }
 
 // How far a mirror's previous pixel is to be trusted: its reflected ray ended as far from it as the point that is reflected
-// now lies. 1 where the frame before had no hit distance (0).
-fn same_hit(q: vec2i, hit: Reflected) -> f32 {
+// now lies, but for `least`, the size of a pixel: neighbours see a contact that far apart. 1 where the frame before had no hit
+// distance (0).
+fn same_hit(q: vec2i, hit: Reflected, least: f32) -> f32 {
     let there = hit_before(q, depth_before(q));
     if there <= 0.0 {
         return 1.0;
@@ -47,7 +48,7 @@ fn same_hit(q: vec2i, hit: Reflected) -> f32 {
         return select(0.0, 1.0, ends == ended);
     }
     let wanted = length(hit.point - world_before(q));
-    let begin = settings.mirror.hit_tolerance * wanted;
+    let begin = max(settings.mirror.hit_tolerance * wanted, least);
     return 1.0 - hermite_step(begin, settings.surface.falloff * begin, abs(wanted - there));
 }
 
@@ -60,6 +61,7 @@ fn reflector_lookup(expected: Expected, coordinate: vec2f, hit: Reflected, pixel
     let own = surface_of(pixel);
     let rejection = select(REJECTION_PLANE, REJECTION_OFF, settings.surface.rejection == REJECTION_OFF);
     let footprint = footprint_of(to_before(coordinate));
+    let least = settings.surface.pixel_distance * pixel_size_at(frame.view, expected.view_depth);
     var trusts = array(0.0, 0.0, 0.0, 0.0);
     for (var k = 0; k < 4; k++) {
         let q = footprint_pixel(footprint, k);
@@ -75,7 +77,7 @@ fn reflector_lookup(expected: Expected, coordinate: vec2f, hit: Reflected, pixel
         }
         trusts[k] = distance_trust(expected, q, rejection);
         if is_mirror(own.roughness) {
-            trusts[k] *= same_hit(q, hit);
+            trusts[k] *= same_hit(q, hit, least);
         }
     }
     return lookup_of(footprint, trusts);

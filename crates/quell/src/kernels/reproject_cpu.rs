@@ -560,7 +560,7 @@ impl Footprint {
             }
             let mut of_hit = [1.0; LANES];
             if let Some(hit) = mirrors {
-                self.same_hits(guides, settings, hit, k, &mut of_hit);
+                self.same_hits(guides, settings, (e, hit), k, &mut of_hit);
             }
             for i in 0..LANES {
                 let depth = self.depth[k][i];
@@ -592,10 +592,18 @@ impl Footprint {
 
     /// How far the footprint's pixel `k` is to be trusted where lanes show mirrors: `same_hit` of `mirror_image.rs`.
     #[inline(never)]
-    fn same_hits(&self, guides: &CpuGuides, settings: &Settings, hit: &Reflected, k: usize, out: &mut Lanes) {
+    fn same_hits(
+        &self,
+        guides: &CpuGuides,
+        settings: &Settings,
+        (e, hit): (&Expected, &Reflected),
+        k: usize,
+        out: &mut Lanes,
+    ) {
         let (width, place) = (guides.phases.size.width, &self.place[k]);
         let (tolerance, falloff) = (settings.glossy_temporal.hit_tolerance, settings.surface.falloff);
-        let before = &guides.glossy_hit_before;
+        let (before, view) = (&guides.glossy_hit_before, &guides.now.view);
+        let least = settings.surface.pixel_distance / view.focal_px;
         // 0: no evidence.
         let mut then = [0.0; LANES];
         for &(first, n) in &self.segments.runs[..self.segments.count] {
@@ -611,7 +619,7 @@ impl Footprint {
             let (now, then) = (hit.distance[i], then[i]);
             let away = three(|c| hit.point[c][i] - self.position[k][c][i]);
             let wanted = dot(away, away).sqrt();
-            let begin = tolerance * wanted;
+            let begin = (tolerance * wanted).max(least * if view.perspective { e.depth[i] } else { 1.0 });
             let trust = 1.0 - step(begin, falloff * begin, (wanted - then).abs());
             let (ends, ended) = (now < f32::INFINITY, then < f32::INFINITY);
             let both = if ends == ended { 1.0 } else { 0.0 };

@@ -756,6 +756,34 @@ fn what_comes_into_view_in_a_mirror_takes_no_light_from_what_hid_it() {
     }
 }
 
+#[test]
+fn a_contact_in_a_mirror_keeps_its_history() {
+    // Where a thing touches a mirror, hit distances are far smaller than a pixel, and differ between pixels by as much.
+    let scene = mirror(still, false, Noise::None);
+    let shown = |settings: &Settings, backend: Backend| {
+        let mut denoiser = Denoiser::with_backend(SMALL, settings, backend).unwrap();
+        let mut last = None;
+        for i in 0..6 {
+            let mut frame = scene.frame(SMALL, i);
+            let (light, hit) = if i < 5 { (4.0, 1e-3) } else { (1.0, 2e-3) };
+            frame.glossy = Some(Plane::filled(SMALL, [light; 3]));
+            frame.glossy_hit_distance = Some(Plane::filled(SMALL, hit));
+            last = denoise(&mut denoiser, &frame).glossy;
+        }
+        last.unwrap().at(8, 16)[0]
+    };
+    for backend in BACKENDS {
+        let mut settings = Settings::default().without_spatial_filters();
+        settings.glossy_temporal.clip = Clip::Off;
+        settings.glossy_temporal.mirror_roughness = 0.03;
+        // Five frames of 4, one of 1.
+        assert!((shown(&settings, backend) - 3.5).abs() < 1e-4, "{backend:?}: {}", shown(&settings, backend));
+        // Canary: by parts of the distance alone there is no history.
+        settings.surface.pixel_distance = 0.0;
+        assert!((shown(&settings, backend) - 1.0).abs() < 1e-4, "{backend:?}: {}", shown(&settings, backend));
+    }
+}
+
 /// Errors, sorted, of the place of the image in a mirror sphere, against the place where the reflected previous eye ray
 /// meets the same point: as stage 8 finds it, and as if the sphere were plane.
 fn bent_errors(scene: &Scene, index: i64) -> [Vec<f32>; 2] {

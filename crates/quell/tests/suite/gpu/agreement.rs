@@ -163,8 +163,12 @@ const fn case(
     Case { name, bound, changes, job }
 }
 
-/// Everything is a mirror, and no hit distance is quite right.
-const HITS: &[(&str, &str)] = &[("glossy_temporal.mirror_roughness", "1"), ("glossy_temporal.hit_tolerance", "0.01")];
+/// Everything is a mirror, and no hit distance is quite right; now its part, now the size of a pixel is the limit.
+const HITS: &[(&str, &str)] = &[
+    ("glossy_temporal.mirror_roughness", "1"),
+    ("glossy_temporal.hit_tolerance", "0.01"),
+    ("surface.pixel_distance", "0.1"),
+];
 
 /// A luminance stop, and lobes wide enough that every level acts.
 const YOUNG_GLOSSY: &[(&str, &str)] =
