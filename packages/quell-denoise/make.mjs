@@ -63,8 +63,12 @@ class Numbered {
   }
 }
 
+/** Has a copy of the frame before in some programs only; src/program.js adds it where a pass binds it. */
+const ALTERNATES_IN_SOME = "guides moving";
+
 /** What a host makes for a resource; what only one program knows is left out. */
 function described(resource) {
+  if (resource.name === ALTERNATES_IN_SOME) return { ...resource, role: "transient", copies: 1 };
   // What comes out of one program is between stages in another; tables of taps belong to a height, and the package makes its own.
   const of = { ...resource, role: resource.role === "output" ? "transient" : resource.role };
   if (resource.role === "taps") for (const name of ["bytes", "file", "period"]) delete of[name];

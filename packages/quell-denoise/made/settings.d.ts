@@ -150,6 +150,10 @@ export interface Settings {
   "glossy_temporal.clip_gamma"?: number;
   /** Filter of the hit distance over 3x3 before use. Default: min. */
   "glossy_temporal.hit_filter"?: "off" | "min" | "median";
+  /** Below it a surface is a mirror: its hit distances are taken as they are, without `hit_filter`, and `hit_tolerance` acts. From 0 to 1, perceptual roughness. Default: 0. */
+  "glossy_temporal.mirror_roughness"?: number;
+  /** On mirrors trust falls where the previous pixel's reflected ray ended nearer or farther than the reflected point by this; at `surface.falloff` times it nothing is left. Never under `surface.pixel_distance`. From 0 to 10, of the distance. Default: 0.08. */
+  "glossy_temporal.hit_tolerance"?: number;
   /** On curved reflectors history is fetched where the previous surface reflected the same point. Default: true. */
   "glossy_temporal.curvature"?: boolean;
   /** Hit distances beyond it count as it. From 0 to 1000000, of view depth. Default: 1000. */

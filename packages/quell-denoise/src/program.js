@@ -13,11 +13,14 @@ const debug = { ...made.debug, label: "debug", code: () => text(made.shaders[mad
 /** The package's program for these stages. */
 export function builtIn(settings, signals, jitter) {
   const { dispatches, outputs } = planned(settings, signals, jitter);
+  // What a pass reads of the frame before has two copies, whatever it has in other programs.
+  const isRemembered = ({ name }) => dispatches.some(({ bound }) => bound.some(({ resource, copy }) => resource === name && copy === "before"));
+  const remembered = (resource) => (isRemembered(resource) ? { ...resource, role: "persistent", copies: 2 } : resource);
   return finished({
     // Settings that choose the same passes with the same bindings need nothing new.
     identity: JSON.stringify(dispatches),
     structs: made.structs,
-    resources: Object.values(made.resources),
+    resources: Object.values(made.resources).map(remembered),
     dispatches: dispatches.map(({ pass, bound }) => {
       const { shader, bindings, ...of } = made.passes[pass];
       const each = bound.values();
