@@ -204,7 +204,6 @@ pub(crate) fn filtered_hits(
     if filter == HitFilter::Off {
         return;
     }
-    let own = *hits;
     for k in 0..9 {
         let (dx, ty) = (k as i32 % 3 - 1, (e.y + k / 3).wrapping_sub(1));
         if ty >= size.height {
@@ -245,8 +244,12 @@ pub(crate) fn filtered_hits(
         }
     }
     let mirror_roughness = settings.glossy_temporal.mirror_roughness;
-    for i in 0..LANES {
-        hits[i] = if e.roughness[i] < mirror_roughness { own[i] } else { hits[i] };
+    if mirror_roughness > 0.0 {
+        let mut own = [0.0; LANES];
+        copy::<LANES, _>(&mut own[..e.n], &row(e.y)[begin..][..e.n]);
+        for i in 0..LANES {
+            hits[i] = if e.roughness[i] < mirror_roughness { own[i] } else { hits[i] };
+        }
     }
 }
 
@@ -260,6 +263,10 @@ pub(crate) fn reflected_points(
     reflected: &mut Reflected,
 ) {
     let mirror_roughness = settings.glossy_temporal.mirror_roughness;
+    if mirror_roughness <= 0.0 {
+        reflected.any = false;
+        return;
+    }
     let mut any = 0;
     for i in 0..LANES {
         reflected.mirror[i] = u32::from((e.depth[i] < f32::INFINITY) & (e.roughness[i] < mirror_roughness));
