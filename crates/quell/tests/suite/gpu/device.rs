@@ -122,7 +122,7 @@ fn extent(size: Size) -> wgpu::Extent3d {
 }
 
 /// The value of a half.
-fn half(bits: u16) -> f32 {
+pub fn half(bits: u16) -> f32 {
     let (sign, exponent, mantissa) = (bits >> 15, (bits >> 10) & 31, f32::from(bits & 1023));
     let size = match exponent {
         0 => mantissa * 2.0f32.powi(-24),
