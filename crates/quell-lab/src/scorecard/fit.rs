@@ -10,6 +10,10 @@ pub const U1: usize = 0;
 pub const S: usize = 2;
 /// g.
 pub const G: usize = 3;
+/// u1 near edges; u2 follows.
+const U1_NEAR_EDGES: usize = 4;
+/// u1 where g acts; u2 follows.
+const U1_WHERE_STALE: usize = 6;
 
 /// One pixel's predictors as they are kept: u1, u2, s, g.
 pub type Row = [f32; 4];
@@ -22,8 +26,8 @@ pub type Columns = [f32; COUNT];
 pub fn columns([u1, u2, s, g]: &Row, near: bool) -> Columns {
     let mut columns = [0.0, 0.0, *s, *g, 0.0, 0.0, 0.0, 0.0];
     let first = match (*g != 0.0, near) {
-        (true, _) => 6,
-        (false, true) => 4,
+        (true, _) => U1_WHERE_STALE,
+        (false, true) => U1_NEAR_EDGES,
         (false, false) => U1,
     };
     columns[first] = *u1;
@@ -163,7 +167,10 @@ mod tests {
             solve(&sums, &zy, [true, true, false, true, false, false, apart, apart]).unwrap()
         };
         let found = solved(true);
-        assert!(found[G].abs() < 1e-3 && (found[U1] - 0.1).abs() < 1e-3 && (found[6] - 0.8).abs() < 1e-3, "{found:?}");
+        assert!(
+            found[G].abs() < 1e-3 && (found[U1] - 0.1).abs() < 1e-3 && (found[U1_WHERE_STALE] - 0.8).abs() < 1e-3,
+            "{found:?}"
+        );
         // A canary: with one coefficient of blur for all, the mirror's blur counts as stale light.
         let together = solved(false);
         assert!(together[G] > 0.3, "{together:?}");
