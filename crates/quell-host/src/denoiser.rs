@@ -9,7 +9,7 @@ use quell::denoiser::MAX_EXTENT;
 use quell::gpu::{Area, Options, PackedFrame, wgpu};
 use quell::pipeline::Stage;
 use quell::report::StageTimes;
-use quell::{Frame, Output, OutputBuf, Report, Settings, Size};
+use quell::{Camera, Frame, Output, OutputBuf, Report, Settings, Size};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -175,6 +175,17 @@ impl Denoiser {
         self.gpu.run(encoder, "a frame")?;
         let wall = begin.elapsed();
         Ok(Ran { outputs, wall, times: self.times() })
+    }
+
+    /// Gives what was uploaded other cameras and another number, so that it can run as a further frame of a sequence without
+    /// another upload.
+    ///
+    /// # Errors
+    /// Nothing was uploaded.
+    pub fn renumber(&mut self, camera: Camera, previous_camera: Camera, index: i64) -> Result<(), Error> {
+        let info = self.info.as_mut().ok_or(Error::NoFrame)?;
+        (info.camera, info.previous_camera, info.index) = (camera, previous_camera, index);
+        Ok(())
     }
 
     /// Appends what was uploaded, as the frame after the one before.

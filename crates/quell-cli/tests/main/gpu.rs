@@ -91,6 +91,8 @@ fn render_gives_the_pictures_of_the_cpu() {
     let render = |output: &str, options: &[&str]| {
         let fixed =
             ["render", "glossy-room", "--size", "80x45", "--frames", "0-5", "--jitter", "--direct-samples", "1"];
+        // With `--backend gpu` a real GPU would trace, too, and other paths.
+        let fixed = [&fixed[..], &["--tracer", "cpu"]].concat();
         let done = run(&folder.0, &[&fixed[..], &["-o", output, "-v", "--report", "report.json"], options].concat());
         assert_eq!(done.status.code(), Some(0), "{}", err(&done));
         let report = std::fs::read_to_string(folder.0.join("report.json")).expect("the report");
@@ -258,7 +260,8 @@ fn compare_runs_quell_on_the_gpu_and_says_so() {
     let folder = Folder::new("gpu compare");
     let Some(adapter) = adapter(&folder.0) else { return };
     let compared = |output: &str, options: &[&str]| {
-        let fixed = ["compare", "glossy-room", "--size", "48x27", "--count", "6", "--reference-spp", "4"];
+        let fixed =
+            ["compare", "glossy-room", "--size", "48x27", "--count", "6", "--reference-spp", "4", "--tracer", "cpu"];
         let methods = ["--methods", "none,quell:paper,quell:paper+no-firefly", "-o", output];
         let done = run(&folder.0, &[&fixed[..], &methods, options].concat());
         assert_eq!(done.status.code(), Some(0), "{}", err(&done));

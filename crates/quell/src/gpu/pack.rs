@@ -109,12 +109,12 @@ fn pack_colours(plane: &Plane<Rgb>) -> Vec<u8> {
 /// A colour plane out of the texels of a texture of [`super::Output`], rgba16float or rgba32float; `None`: another format,
 /// or too few.
 pub fn unpack_colours(bytes: &[u8], size: Size, format: wgpu::TextureFormat) -> Option<Plane<Rgb>> {
-    Plane::from_vec(size, texels(bytes, size, format)?.map(|[r, g, b, _]| [r, g, b]).collect()).ok()
+    unpack(bytes, size, format, |[r, g, b, _]| [r, g, b])
 }
 
 /// The magnitudes of the fourth values: of [`super::Output::confidence`].
 pub fn unpack_fourth(bytes: &[u8], size: Size, format: wgpu::TextureFormat) -> Option<Plane<f32>> {
-    Plane::from_vec(size, texels(bytes, size, format)?.map(|[.., a]| a.abs()).collect()).ok()
+    unpack(bytes, size, format, |[.., a]| a.abs())
 }
 
 /// A plane of numbers: [`super::Output::history_length`].
@@ -123,24 +123,49 @@ pub fn unpack_numbers(bytes: &[u8], size: Size) -> Option<Plane<f32>> {
     Plane::from_vec(size, numbers.map(|b| f32::from_le_bytes(*b)).collect()).ok()
 }
 
-/// Red, green, blue and a number.
-fn texels(bytes: &[u8], size: Size, format: wgpu::TextureFormat) -> Option<impl Iterator<Item = [f32; 4]>> {
-    type Read = fn(&[u8], usize) -> f32;
-    let (stride, read): (usize, Read) = match format {
-        wgpu::TextureFormat::Rgba32Float => (16, |texel, c| float(texel, 4 * c)),
-        wgpu::TextureFormat::Rgba16Float => (8, |texel, c| half(texel, 2 * c)),
-        _ => return None,
-    };
-    let texels = bytes.chunks_exact(stride).take(size.pixels());
-    Some(texels.map(move |texel| std::array::from_fn(|c| read(texel, c))))
+/// What `keep` keeps of each texel of four values.
+fn unpack<T: Copy + Default + Send>(
+    bytes: &[u8],
+    size: Size,
+    format: wgpu::TextureFormat,
+    keep: impl Fn([f32; 4]) -> T + Sync + Send,
+) -> Option<Plane<T>> {
+    match format {
+        wgpu::TextureFormat::Rgba32Float => by_rows(bytes.as_chunks().0, size, |texel| keep(floats(texel))),
+        wgpu::TextureFormat::Rgba16Float => by_rows(bytes.as_chunks().0, size, |texel| keep(halves(texel))),
+        _ => None,
+    }
 }
 
-fn float(bytes: &[u8], offset: usize) -> f32 {
-    bytes.get(offset..).and_then(|b| b.first_chunk()).map_or(0.0, |b| f32::from_le_bytes(*b))
+fn by_rows<T: Copy + Default + Send, const STRIDE: usize>(
+    texels: &[[u8; STRIDE]],
+    size: Size,
+    read: impl Fn(&[u8; STRIDE]) -> T + Sync + Send,
+) -> Option<Plane<T>> {
+    let texels = texels.get(..size.pixels())?;
+    let mut plane = Plane::filled(size, T::default());
+    par::rows(plane.data_mut(), size.width, |y, row| {
+        for (value, texel) in row.iter_mut().zip(texels.iter().skip(y * size.width)) {
+            *value = read(texel);
+        }
+    });
+    Some(plane)
 }
 
-fn half(bytes: &[u8], offset: usize) -> f32 {
-    bytes.get(offset..).and_then(|b| b.first_chunk()).map_or(0.0, |b| half::f16::from_le_bytes(*b).to_f32())
+fn floats(texel: &[u8; 16]) -> [f32; 4] {
+    let mut values = [0.0; 4];
+    for (value, bytes) in values.iter_mut().zip(texel.as_chunks().0) {
+        *value = f32::from_le_bytes(*bytes);
+    }
+    values
+}
+
+fn halves(texel: &[u8; 8]) -> [f32; 4] {
+    let mut values = [0.0; 4];
+    for (value, bytes) in values.iter_mut().zip(texel.as_chunks().0) {
+        *value = half::f16::from_le_bytes(*bytes).to_f32();
+    }
+    values
 }
 
 #[cfg(test)]
@@ -149,10 +174,13 @@ mod tests {
 
     #[test]
     fn halves_are_read() {
-        let read = |bits: u16| half(&bits.to_le_bytes(), 0);
-        assert_eq!(
-            [0x3c00, 0xc000, 0x7bff, 1, 0x8000, 0x3555].map(read),
-            [1.0, -2.0, 65504.0, 5.960_464_5e-8, 0.0, 0.333_251_95]
-        );
+        let bytes = [0x3c00, 0xc000, 0x7bff, 1, 0x8000, 0x3555, 0, 0xfc00u16].map(u16::to_le_bytes);
+        let size = Size::new(2, 1);
+        let read = |size| unpack_colours(bytes.as_flattened(), size, wgpu::TextureFormat::Rgba16Float);
+        assert_eq!(read(size).unwrap().data(), [[1.0, -2.0, 65504.0], [0.0, 0.333_251_95, 0.0]]);
+        let fourth = unpack_fourth(bytes.as_flattened(), size, wgpu::TextureFormat::Rgba16Float);
+        assert_eq!(fourth.unwrap().data(), [5.960_464_5e-8, f32::INFINITY]);
+        assert!(read(Size::new(3, 1)).is_none(), "too few");
+        assert!(unpack_colours(&[0; 64], size, wgpu::TextureFormat::R32Float).is_none());
     }
 }

@@ -90,9 +90,14 @@ fn cell_at(blend: Blend, cell: vec2i, history: texture_2d<f32>, history_length: 
     return weights.x * vec4f(1.0, long, long + about.y + mean.y, noise);
 }
 
-// t: along each axis the weight of a cell whose centre lies so far off.
-fn tent(blend: Blend, distance: vec2f) -> vec2f {
-    return max(1.0 - abs(distance) * (1.0 / f32(CHANGE_CELL * blend.change_radius)), vec2f(0.0));
+// t: along an axis the weights of four cells, at the least 0, whose centres lie so far off.
+fn tent(blend: Blend, distance: vec4f) -> vec4f {
+    return max(1.0 - abs(distance) * (1.0 / f32(CHANGE_CELL * blend.change_radius)), vec4f(0.0));
+}
+
+// What a cell of weight w adds.
+fn weighed_cell(w: f32, k: i32) -> vec4f {
+    return vec4f(w, w, w, w * w) * cells[k];
 }
 
 // c, 0..1, of a pixel of this frame. All invocations of a workgroup of 8x8 pixels come here together.
@@ -108,12 +113,24 @@ fn changed_light(blend: Blend, here: Invocation, history: texture_2d<f32>, histo
     cells[here.invocation] = cell_at(blend, first + own, history, history_length);
     workgroupBarrier();
     let place = place_before(here.pixel);
+    let middle = vec2f(first * CHANGE_CELL) + f32(CHANGE_CELL - 1) / 2.0 - place;
+    let columns = vec4f(0.0, 1.0, 2.0, 3.0) * f32(CHANGE_CELL) + middle.x;
+    let left = tent(blend, columns);
+    let right = tent(blend, columns + 4.0 * f32(CHANGE_CELL));
     var sums = vec4f(0.0);
-    for (var k = 0; k < CELLS * CELLS; k++) {
-        let centre = vec2f((first + vec2i(k % CELLS, k / CELLS)) * CHANGE_CELL) + f32(CHANGE_CELL - 1) / 2.0;
-        let along = tent(blend, centre - place);
-        let w = along.x * along.y;
-        sums += vec4f(w, w, w, w * w) * cells[k];
+    for (var row = 0; row < CELLS; row++) {
+        let along = tent(blend, vec4f(f32(row * CHANGE_CELL) + middle.y)).x;
+        if along > 0.0 {
+            let k = row * CELLS;
+            sums += weighed_cell(left.x * along, k);
+            sums += weighed_cell(left.y * along, k + 1);
+            sums += weighed_cell(left.z * along, k + 2);
+            sums += weighed_cell(left.w * along, k + 3);
+            sums += weighed_cell(right.x * along, k + 4);
+            sums += weighed_cell(right.y * along, k + 5);
+            sums += weighed_cell(right.z * along, k + 6);
+            sums += weighed_cell(right.w * along, k + 7);
+        }
     }
     if sums.x < CHANGE_LEAST_TAPS {
         return 0.0;
@@ -146,17 +163,20 @@ fn frames_left(
 
 // Weighted means of the history length and of the fast history, for which the long one serves where there is none.
 fn fetch_both(found: Lookup, history: texture_2d<f32>, history_length: texture_2d<f32>) -> vec2f {
-    var lookup = found;
-    var sum = vec2f(0.0);
-    for (var k = 0; k < 4; k++) {
-        if lookup.weight[k] > 0.0 {
-            let texel = textureLoad(history_length, lookup.pixel[k], 0).x;
-            var fast = fast_beside(texel);
-            if fast < 0.0 {
-                fast = kept_light(textureLoad(history, lookup.pixel[k], 0).xyz);
-            }
-            sum += lookup.weight[k] * vec2f(length_beside(texel), fast);
-        }
+    return share_of_both(history, history_length, footprint_pixel(found.first, 0), found.weight.x)
+        + share_of_both(history, history_length, footprint_pixel(found.first, 1), found.weight.y)
+        + share_of_both(history, history_length, footprint_pixel(found.first, 2), found.weight.z)
+        + share_of_both(history, history_length, footprint_pixel(found.first, 3), found.weight.w);
+}
+
+fn share_of_both(history: texture_2d<f32>, history_length: texture_2d<f32>, pixel: vec2i, weight: f32) -> vec2f {
+    if !(weight > 0.0) {
+        return vec2f(0.0);
     }
-    return sum;
+    let texel = textureLoad(history_length, pixel, 0).x;
+    var fast = fast_beside(texel);
+    if fast < 0.0 {
+        fast = kept_light(textureLoad(history, pixel, 0).xyz);
+    }
+    return weight * vec2f(length_beside(texel), fast);
 }

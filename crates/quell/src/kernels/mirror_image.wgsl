@@ -52,6 +52,53 @@ fn same_hit(q: vec2i, hit: Reflected, least: f32) -> f32 {
     return 1.0 - hermite_step(begin, settings.surface.falloff * begin, abs(wanted - there));
 }
 
+// The reflector that a previous pixel must show, and how.
+struct WantedReflector {
+    id: u32,
+    roughness: f32,
+    rejection: u32,
+    // For `same_hit`.
+    least: f32,
+}
+
+fn reflector_trust(expected: Expected, wanted: WantedReflector, hit: Reflected, q: vec2i) -> f32 {
+    if !contains_before(q) {
+        return 0.0;
+    }
+    let there = before_at(q);
+    if there.depth == BACKGROUND
+        || there.id != wanted.id
+        || abs(there.roughness - wanted.roughness) > settings.mirror.reflector_roughness
+        || dot(there.normal, expected.normal) < settings.mirror.reflector_normal_min {
+        return 0.0;
+    }
+    var trust = distance_trust(expected, q, wanted.rejection);
+    if is_mirror(wanted.roughness) {
+        trust *= same_hit(q, hit, wanted.least);
+    }
+    return trust;
+}
+
+// Position and normal of a previous pixel, 0 where it has no weight.
+struct Tap {
+    position: vec3f,
+    normal: vec3f,
+    weight: f32,
+}
+
+fn tap_of(visible: Lookup, k: i32, weight: f32) -> Tap {
+    if !(weight > 0.0) {
+        return Tap(vec3f(0.0), vec3f(0.0), 0.0);
+    }
+    let q = footprint_pixel(visible.first, k);
+    return Tap(world_before(q), before_at(q).normal, weight);
+}
+
+// How far the normal of a tap with weight is from this one.
+fn bend_of(tap: Tap, normal: vec3f) -> f32 {
+    return select(0.0, length(tap.normal - normal), tap.weight > 0.0);
+}
+
 // Glossy light: the footprint at a virtual coordinate, each pixel tested for the same reflector, and in mirrors for the same
 // reflected point. Never by point distance: there the previous surface is another point of the mirror.
 fn reflector_lookup(expected: Expected, coordinate: vec2f, hit: Reflected, pixel: vec2i) -> Lookup {
@@ -62,24 +109,13 @@ fn reflector_lookup(expected: Expected, coordinate: vec2f, hit: Reflected, pixel
     let rejection = select(REJECTION_PLANE, REJECTION_OFF, settings.surface.rejection == REJECTION_OFF);
     let footprint = footprint_of(to_before(coordinate));
     let least = settings.surface.pixel_distance * pixel_size_at(frame.view, expected.view_depth);
-    var trusts = array(0.0, 0.0, 0.0, 0.0);
-    for (var k = 0; k < 4; k++) {
-        let q = footprint_pixel(footprint, k);
-        if !contains_before(q) {
-            continue;
-        }
-        let there = before_at(q);
-        if there.depth == BACKGROUND
-            || there.id != own.id
-            || abs(there.roughness - own.roughness) > settings.mirror.reflector_roughness
-            || dot(there.normal, expected.normal) < settings.mirror.reflector_normal_min {
-            continue;
-        }
-        trusts[k] = distance_trust(expected, q, rejection);
-        if is_mirror(own.roughness) {
-            trusts[k] *= same_hit(q, hit, least);
-        }
-    }
+    let wanted = WantedReflector(own.id, own.roughness, rejection, least);
+    let trusts = vec4f(
+        reflector_trust(expected, wanted, hit, footprint_pixel(footprint.first, 0)),
+        reflector_trust(expected, wanted, hit, footprint_pixel(footprint.first, 1)),
+        reflector_trust(expected, wanted, hit, footprint_pixel(footprint.first, 2)),
+        reflector_trust(expected, wanted, hit, footprint_pixel(footprint.first, 3)),
+    );
     return lookup_of(footprint, trusts);
 }
 
@@ -89,22 +125,14 @@ fn reflector_lookup(expected: Expected, coordinate: vec2f, hit: Reflected, pixel
 // it rests. It counts as resting where its normal changed by no more than it varies between the four pixels, and its
 // plane did not shift; then `expected` stays as it is. Else it becomes their mean position and normal.
 fn previous_reflector(expected: Expected, visible: Lookup, pixel: vec2i) -> Expected {
-    var taps = visible;
-    var position = vec3f(0.0);
-    var sum = vec3f(0.0);
-    for (var k = 0; k < 4; k++) {
-        if taps.weight[k] > 0.0 {
-            position += taps.weight[k] * world_before(taps.pixel[k]);
-            sum += taps.weight[k] * before_at(taps.pixel[k]).normal;
-        }
-    }
+    let a = tap_of(visible, 0, visible.weight.x);
+    let b = tap_of(visible, 1, visible.weight.y);
+    let c = tap_of(visible, 2, visible.weight.z);
+    let d = tap_of(visible, 3, visible.weight.w);
+    let position = a.weight * a.position + b.weight * b.position + c.weight * c.position + d.weight * d.position;
+    let sum = a.weight * a.normal + b.weight * b.normal + c.weight * c.normal + d.weight * d.normal;
     let normal = normalize_or_zero(sum);
-    var spread = 0.0;
-    for (var k = 0; k < 4; k++) {
-        if taps.weight[k] > 0.0 {
-            spread = max(spread, length(before_at(taps.pixel[k]).normal - normal));
-        }
-    }
+    let spread = max(max(bend_of(a, normal), bend_of(b, normal)), max(bend_of(c, normal), bend_of(d, normal)));
     let turned = length(surface_of(pixel).normal - normal) > spread + SAME_NORMAL;
     let shift = abs(dot(world_of(pixel) - position, normal));
     let shifted = shift > SAME_PLANE_PX * pixel_size_at(frame.view, expected.view_depth);
@@ -163,37 +191,30 @@ fn bent_miss(q: vec2i, hit: vec3f, is_finite: bool, reflected: vec3f) -> vec3f {
 // in the place, and its zero is the answer: one step of Newton's method, which knows both curvatures, and motion of
 // reflector and camera. Where it fails (silhouettes, focus, bumps) it is the surface's own place.
 fn bent_coordinate(expected: Expected, visible: Lookup, hit_distance: f32, pixel: vec2i) -> Place {
-    var taps = visible;
-    var first = -1;
-    var all_seen = true;
-    var is_plane = true;
-    for (var k = 0; k < 4; k++) {
-        if !(taps.weight[k] > 0.0) {
-            all_seen = false;
-            continue;
-        }
-        if first < 0 {
-            first = k;
-        }
-        let change = before_at(taps.pixel[k]).normal - before_at(taps.pixel[first]).normal;
-        is_plane = is_plane && length(change) <= SAME_NORMAL;
-    }
-    if first < 0 || is_plane {
+    let seen = visible.weight > vec4f(0.0);
+    let t0 = tap_of(visible, 0, visible.weight.x);
+    let t1 = tap_of(visible, 1, visible.weight.y);
+    let t2 = tap_of(visible, 2, visible.weight.z);
+    let t3 = tap_of(visible, 3, visible.weight.w);
+    // Of the first that is seen; with none of them there is no bend.
+    let normal = select(select(select(t3.normal, t2.normal, seen.z), t1.normal, seen.y), t0.normal, seen.x);
+    let bend = max(max(bend_of(t0, normal), bend_of(t1, normal)), max(bend_of(t2, normal), bend_of(t3, normal)));
+    if bend <= SAME_NORMAL {
         return Place(vec2f(0.0), false);
     }
     // In pixels of the frame before, as its miss is.
     let surface = to_before(expected.coordinate);
-    if !all_seen {
+    if !all(seen) {
         return Place(expected.coordinate, true);
     }
     let eye_ray = normalize_or_zero(ray_direction(frame.view, sample_position(pixel)));
     let reflected = mirrored_in(eye_ray, surface_of(pixel).normal);
     let is_finite = hit_distance < FAR;
     let hit = world_of(pixel) + reflected * select(0.0, hit_distance, is_finite);
-    let f0 = bent_miss(taps.pixel[0], hit, is_finite, reflected);
-    let f1 = bent_miss(taps.pixel[1], hit, is_finite, reflected);
-    let f2 = bent_miss(taps.pixel[2], hit, is_finite, reflected);
-    let f3 = bent_miss(taps.pixel[3], hit, is_finite, reflected);
+    let f0 = bent_miss(footprint_pixel(visible.first, 0), hit, is_finite, reflected);
+    let f1 = bent_miss(footprint_pixel(visible.first, 1), hit, is_finite, reflected);
+    let f2 = bent_miss(footprint_pixel(visible.first, 2), hit, is_finite, reflected);
+    let f3 = bent_miss(footprint_pixel(visible.first, 3), hit, is_finite, reflected);
     let middle = 0.25 * ((f0 + f1) + (f2 + f3));
     let du = 0.5 * ((f1 - f0) + (f3 - f2));
     let dv = 0.5 * ((f2 - f0) + (f3 - f1));
@@ -219,36 +240,79 @@ fn filtered_hit(pixel: vec2i) -> f32 {
     if settings.mirror.hit_filter == HIT_FILTER_OFF || is_mirror(own.roughness) {
         return own_hit;
     }
-    var values: array<f32, 9>;
-    var count = 0u;
-    var least = own_hit;
-    for (var k = 0; k < 9; k++) {
-        let q = pixel + vec2i(k % 3, k / 3) - 1;
-        if contains(q) {
-            let there = surface_of(q);
-            if there.id == own.id && there.view_depth != BACKGROUND {
-                let hit = moving_at(q, there.view_depth).glossy_hit;
-                values[count] = hit;
-                count++;
-                least = min(least, hit);
-            }
-        }
-    }
+    let h0 = hit_beside(own, pixel, vec2i(-1, -1));
+    let h1 = hit_beside(own, pixel, vec2i(0, -1));
+    let h2 = hit_beside(own, pixel, vec2i(1, -1));
+    let h3 = hit_beside(own, pixel, vec2i(-1, 0));
+    let h5 = hit_beside(own, pixel, vec2i(1, 0));
+    let h6 = hit_beside(own, pixel, vec2i(-1, 1));
+    let h7 = hit_beside(own, pixel, vec2i(0, 1));
+    let h8 = hit_beside(own, pixel, vec2i(1, 1));
     if settings.mirror.hit_filter == HIT_FILTER_MIN {
-        return least;
+        return min(min(min(h0, h1), min(h2, h3)), min(min(own_hit, h5), min(min(h6, h7), h8)));
     }
     // The value whose rank is the middle.
-    let middle = count / 2u;
-    for (var i = 0u; i < count; i++) {
-        var below = 0u;
-        var equal = 0u;
-        for (var j = 0u; j < count; j++) {
-            below += select(0u, 1u, values[j] < values[i]);
-            equal += select(0u, 1u, values[j] == values[i]);
-        }
-        if below <= middle && middle < below + equal {
-            return values[i];
-        }
+    let others = u32(h0 < NO_HIT) + u32(h1 < NO_HIT) + u32(h2 < NO_HIT) + u32(h3 < NO_HIT) + u32(h5 < NO_HIT)
+        + u32(h6 < NO_HIT) + u32(h7 < NO_HIT) + u32(h8 < NO_HIT);
+    let middle = (others + 1u) / 2u;
+    return ranked_hit(vec3f(h0, h1, h2), vec3f(h3, own_hit, h5), vec3f(h6, h7, h8), middle);
+}
+
+// Beyond every hit distance, `FAR` too.
+const NO_HIT: f32 = 2e30;
+
+// The glossy hit distance of a neighbour on the same reflector, else `NO_HIT`.
+fn hit_beside(own: Surface, pixel: vec2i, offset: vec2i) -> f32 {
+    let q = pixel + offset;
+    if !contains(q) {
+        return NO_HIT;
     }
-    return own_hit;
+    let there = surface_of(q);
+    if there.id != own.id || there.view_depth == BACKGROUND {
+        return NO_HIT;
+    }
+    return moving_at(q, there.view_depth).glossy_hit;
+}
+
+fn order_hits(a: ptr<function, f32>, b: ptr<function, f32>) {
+    let least = min(*a, *b);
+    *b = max(*a, *b);
+    *a = least;
+}
+
+// Of nine values the one of this rank, 0..4: the exchanges of Floyd's network for nine (Knuth, TAOCP 5.3.4) that the lowest
+// five need.
+fn ranked_hit(a: vec3f, b: vec3f, c: vec3f, rank: u32) -> f32 {
+    var v0 = a.x;
+    var v1 = a.y;
+    var v2 = a.z;
+    var v3 = b.x;
+    var v4 = b.y;
+    var v5 = b.z;
+    var v6 = c.x;
+    var v7 = c.y;
+    var v8 = c.z;
+    order_hits(&v0, &v1);
+    order_hits(&v3, &v4);
+    order_hits(&v6, &v7);
+    order_hits(&v1, &v2);
+    order_hits(&v4, &v5);
+    order_hits(&v7, &v8);
+    order_hits(&v0, &v1);
+    order_hits(&v3, &v4);
+    order_hits(&v6, &v7);
+    order_hits(&v0, &v3);
+    order_hits(&v3, &v6);
+    order_hits(&v0, &v3);
+    order_hits(&v1, &v4);
+    order_hits(&v4, &v7);
+    order_hits(&v1, &v4);
+    order_hits(&v5, &v8);
+    order_hits(&v2, &v5);
+    order_hits(&v1, &v3);
+    order_hits(&v2, &v6);
+    order_hits(&v4, &v6);
+    order_hits(&v2, &v4);
+    order_hits(&v2, &v3);
+    return select(select(select(select(v4, v3, rank == 3u), v2, rank == 2u), v1, rank == 1u), v0, rank == 0u);
 }

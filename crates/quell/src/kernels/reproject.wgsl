@@ -1,6 +1,9 @@
 // Twin of reproject.rs: where a surface was in the previous frame, and which of the four pixels there still show it.
 //
 // The pass supplies the planes of the guides, now and before.
+//
+// The four pixels of a footprint are spelt out, and their weights are a vector: arrays that a loop indexes lie in memory on a
+// GPU, not in registers.
 
 // The surface that history must show: where it was, as far as motion says.
 struct Expected {
@@ -20,16 +23,16 @@ struct Expected {
 
 // Up to four pixels of the previous image with weights that add up to 1, and how far they are to be trusted.
 struct Lookup {
-    // The four pixels of the footprint.
-    pixel: array<vec2i, 4>,
-    // Weights; 0 for pixels that show something else.
-    weight: array<f32, 4>,
+    // First pixel of the footprint.
+    first: vec2i,
+    // Weights of its four pixels; 0 for those that show something else.
+    weight: vec4f,
     // rho, 0..1; 0: there is no history.
     trust: f32,
 }
 
 fn no_lookup() -> Lookup {
-    return Lookup(array(vec2i(0), vec2i(0), vec2i(0), vec2i(0)), array(0.0, 0.0, 0.0, 0.0), 0.0);
+    return Lookup(vec2i(0), vec4f(0.0), 0.0);
 }
 
 // Position of a pixel of the previous image, whose depth must be finite.
@@ -49,7 +52,7 @@ fn on_screen(coordinate: vec2f) -> bool {
 // The bilinear footprint: first pixel, and the weight of each of the four.
 struct Footprint {
     first: vec2i,
-    weight: array<f32, 4>,
+    weight: vec4f,
 }
 
 fn footprint_of(coordinate: vec2f) -> Footprint {
@@ -58,12 +61,29 @@ fn footprint_of(coordinate: vec2f) -> Footprint {
     let t = corner - base;
     return Footprint(
         own_pixel(vec2i(base)),
-        array((1.0 - t.x) * (1.0 - t.y), t.x * (1.0 - t.y), (1.0 - t.x) * t.y, t.x * t.y),
+        vec4f((1.0 - t.x) * (1.0 - t.y), t.x * (1.0 - t.y), (1.0 - t.x) * t.y, t.x * t.y),
     );
 }
 
-fn footprint_pixel(footprint: Footprint, k: i32) -> vec2i {
-    return footprint.first + vec2i(k & 1, k >> 1u);
+// Pixel k of the footprint that begins at `first`.
+fn footprint_pixel(first: vec2i, k: i32) -> vec2i {
+    return first + vec2i(k & 1, k >> 1u);
+}
+
+// The pixel of a footprint that shows an object with the largest weight, and that weight; negative: none does.
+struct Nearest {
+    pixel: vec2i,
+    weight: f32,
+}
+
+fn nearer(so_far: Nearest, q: vec2i, weight: f32, id: u32) -> Nearest {
+    if contains_before(q) {
+        let there = before_at(q);
+        if there.depth != BACKGROUND && there.id == id && weight >= so_far.weight {
+            return Nearest(q, weight);
+        }
+    }
+    return so_far;
 }
 
 // Matte light: the surface at a pixel, where it was.
@@ -85,30 +105,22 @@ fn expected_surface(pixel: vec2i) -> Expected {
     }
     // Motion gives the pixel but not the depth: the nearest previous pixel of the same object anchors the plane.
     let footprint = footprint_of(to_before(expected.coordinate));
-    var weights = footprint.weight;
-    var best = -1.0;
-    var nearest = vec2i(0);
-    for (var k = 0; k < 4; k++) {
-        let q = footprint_pixel(footprint, k);
-        if contains_before(q) {
-            let there = before_at(q);
-            if there.depth != BACKGROUND && there.id == own.id && weights[k] >= best {
-                best = weights[k];
-                nearest = q;
-            }
-        }
-    }
-    if best < 0.0 {
+    var nearest = Nearest(vec2i(0), -1.0);
+    nearest = nearer(nearest, footprint_pixel(footprint.first, 0), footprint.weight.x, own.id);
+    nearest = nearer(nearest, footprint_pixel(footprint.first, 1), footprint.weight.y, own.id);
+    nearest = nearer(nearest, footprint_pixel(footprint.first, 2), footprint.weight.z, own.id);
+    nearest = nearer(nearest, footprint_pixel(footprint.first, 3), footprint.weight.w, own.id);
+    if nearest.weight < 0.0 {
         return expected;
     }
-    let anchor = world_before(nearest);
+    let anchor = world_before(nearest.pixel);
     let travelled =
         abs(view_depth_of(frame.previous_view, anchor) - view_depth_of(frame.previous_view, expected.position));
     if travelled > settings.surface.moving_depth * own.view_depth {
         return expected;
     }
     expected.position = anchor;
-    expected.normal = before_at(nearest).normal;
+    expected.normal = before_at(nearest.pixel).normal;
     expected.found = true;
     return expected;
 }
@@ -132,47 +144,39 @@ fn distance_trust(expected: Expected, q: vec2i, rejection: u32) -> f32 {
 }
 
 // The lookup of a footprint whose pixels are trusted so far.
-fn lookup_of(footprint: Footprint, trusts: array<f32, 4>) -> Lookup {
-    var found = no_lookup();
-    var weights = footprint.weight;
-    var trust_of = trusts;
-    var total = 0.0;
-    var trusted = 0.0;
-    for (var k = 0; k < 4; k++) {
-        if trust_of[k] > 0.0 {
-            found.pixel[k] = footprint_pixel(footprint, k);
-            found.weight[k] = weights[k];
-            total += weights[k];
-            trusted += weights[k] * trust_of[k];
-        }
-    }
+fn lookup_of(footprint: Footprint, trusts: vec4f) -> Lookup {
+    let weight = select(vec4f(0.0), footprint.weight, trusts > vec4f(0.0));
+    let total = weight.x + weight.y + weight.z + weight.w;
     if total < LEAST_FOOTPRINT {
         return no_lookup();
     }
-    for (var k = 0; k < 4; k++) {
-        found.weight[k] /= total;
+    let trusted = weight.x * trusts.x + weight.y * trusts.y + weight.z * trusts.z + weight.w * trusts.w;
+    return Lookup(footprint.first, weight / total, trusted / total);
+}
+
+// How far a pixel of the previous image is to be trusted to show the expected surface of this object.
+fn surface_trust(expected: Expected, q: vec2i, id: u32) -> f32 {
+    if !contains_before(q) {
+        return 0.0;
     }
-    found.trust = trusted / total;
-    return found;
+    let there = before_at(q);
+    if there.depth == BACKGROUND
+        || there.id != id
+        || dot(there.normal, expected.normal) < settings.surface.normal_min {
+        return 0.0;
+    }
+    return distance_trust(expected, q, settings.surface.rejection);
 }
 
 // The bilinear footprint at the expected place, each of its four pixels tested singly.
 fn surface_lookup(expected: Expected, pixel: vec2i) -> Lookup {
     let id = surface_of(pixel).id;
     let footprint = footprint_of(to_before(expected.coordinate));
-    var trusts = array(0.0, 0.0, 0.0, 0.0);
-    for (var k = 0; k < 4; k++) {
-        let q = footprint_pixel(footprint, k);
-        if !contains_before(q) {
-            continue;
-        }
-        let there = before_at(q);
-        if there.depth == BACKGROUND
-            || there.id != id
-            || dot(there.normal, expected.normal) < settings.surface.normal_min {
-            continue;
-        }
-        trusts[k] = distance_trust(expected, q, settings.surface.rejection);
-    }
+    let trusts = vec4f(
+        surface_trust(expected, footprint_pixel(footprint.first, 0), id),
+        surface_trust(expected, footprint_pixel(footprint.first, 1), id),
+        surface_trust(expected, footprint_pixel(footprint.first, 2), id),
+        surface_trust(expected, footprint_pixel(footprint.first, 3), id),
+    );
     return lookup_of(footprint, trusts);
 }

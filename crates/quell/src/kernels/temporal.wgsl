@@ -58,28 +58,25 @@ fn colour_box_at(blend: Blend, pixel: vec2i, current: texture_2d<f32>) -> Colour
     return colour_box_of(gathered, blend.clip, blend.clip_gamma);
 }
 
+// What a previous pixel adds to a weighted mean; without a weight it is not read.
+fn share_of(image: texture_2d<f32>, pixel: vec2i, weight: f32) -> vec3f {
+    if weight > 0.0 {
+        return weight * textureLoad(image, pixel, 0).xyz;
+    }
+    return vec3f(0.0);
+}
+
 // Weighted mean of up to four previous pixels.
 fn fetch(found: Lookup, history: texture_2d<f32>) -> vec3f {
-    var lookup = found;
-    var sum = vec3f(0.0);
-    for (var k = 0; k < 4; k++) {
-        if lookup.weight[k] > 0.0 {
-            sum += lookup.weight[k] * textureLoad(history, lookup.pixel[k], 0).xyz;
-        }
-    }
-    return sum;
+    return share_of(history, footprint_pixel(found.first, 0), found.weight.x)
+        + share_of(history, footprint_pixel(found.first, 1), found.weight.y)
+        + share_of(history, footprint_pixel(found.first, 2), found.weight.z)
+        + share_of(history, footprint_pixel(found.first, 3), found.weight.w);
 }
 
 // Weighted mean of the history length.
 fn fetch_length(found: Lookup, history_length: texture_2d<f32>) -> f32 {
-    var lookup = found;
-    var sum = 0.0;
-    for (var k = 0; k < 4; k++) {
-        if lookup.weight[k] > 0.0 {
-            sum += lookup.weight[k] * textureLoad(history_length, lookup.pixel[k], 0).x;
-        }
-    }
-    return sum;
+    return fetch(found, history_length).x;
 }
 
 // Fetch, clamp and blend at the place that was looked up: `accumulate` of stage 3's reference.rs.
@@ -109,9 +106,11 @@ fn accumulate(
     var held = fetched;
     if blend.clip != CLIP_OFF {
         let clamped = colour_box_clamp(colour_box_at(blend, pixel, current), fetched);
-        for (var c = 0; c < 3; c++) {
-            held[c] = follow_itself(fetched[c], shareable(fetched[c], clamped[c], now[c]));
-        }
+        held = vec3f(
+            follow_itself(fetched.x, shareable(fetched.x, clamped.x, now.x)),
+            follow_itself(fetched.y, shareable(fetched.y, clamped.y, now.y)),
+            follow_itself(fetched.z, shareable(fetched.z, clamped.z, now.z)),
+        );
     }
     return Accumulated(weighed.history * held + (1.0 - weighed.history) * now, confidence, weighed.length, texel);
 }

@@ -34,14 +34,17 @@ fn accumulate_joint(
     if weighed.history <= 0.0 {
         return Accumulated(own, confidence, weighed.length, weighed.length);
     }
-    var held = fetch(lookup, pass_history);
+    let own_history = fetch(lookup, pass_history);
+    var held = own_history;
     if blend.clip != CLIP_OFF {
         let now = input_colour(textureLoad(current, pixel, 0));
         let fetched = fetch(lookup, history);
         let clamped = colour_box_clamp(colour_box_at(blend, pixel, current), fetched);
-        for (var c = 0; c < 3; c++) {
-            held[c] = follow(held[c], fetched[c], shareable(fetched[c], clamped[c], now[c]), own[c], now[c]);
-        }
+        held = vec3f(
+            follow(own_history.x, fetched.x, shareable(fetched.x, clamped.x, now.x), own.x, now.x),
+            follow(own_history.y, fetched.y, shareable(fetched.y, clamped.y, now.y), own.y, now.y),
+            follow(own_history.z, fetched.z, shareable(fetched.z, clamped.z, now.z), own.z, now.z),
+        );
     }
     return Accumulated(weighed.history * held + (1.0 - weighed.history) * own, confidence, weighed.length, weighed.length);
 }

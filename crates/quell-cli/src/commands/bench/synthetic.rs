@@ -52,9 +52,12 @@ fn camera(size: Size, index: i64) -> Camera {
 }
 
 /// New noise and the cameras for the frame's number.
-pub fn renew(frame: &mut FrameBuf) {
+pub fn renew(frame: &mut FrameBuf, noise: bool) {
     frame.camera = camera(frame.size, frame.index);
     frame.previous_camera = camera(frame.size, frame.index - 1);
+    if !noise {
+        return;
+    }
     let number = frame.index as u32;
     for (salt, signal) in [(1u32, &mut frame.matte), (2, &mut frame.glossy)] {
         let Some(signal) = signal else { continue };
@@ -89,7 +92,7 @@ mod tests {
         let mut reset = 0;
         for index in 0..4 {
             frame.index = index;
-            renew(&mut frame);
+            renew(&mut frame, true);
             let report = denoiser.denoise(&frame.frame(&[])).unwrap().report;
             assert!(report.sanitised.is_empty());
             reset = report.reset_pixels;

@@ -30,6 +30,11 @@ impl Device {
         }
     }
 
+    /// Whether a processor plays the GPU.
+    pub fn is_software(&self) -> bool {
+        self.gpu.adapter().is_software()
+    }
+
     pub fn tracer<'s>(&self, scene: &'s Scene, frame: i64, camera: usize) -> GpuTracer<'s> {
         let tracer = Tracer::new(scene, frame, camera).unwrap();
         GpuTracer::new(self.gpu.device(), self.gpu.queue(), Arc::clone(&self.kernels), tracer).unwrap()

@@ -11,7 +11,15 @@ use std::path::PathBuf;
 const LEAST: f64 = 0.98;
 
 /// The same where all kinds of lights, lobes and holes meet: more paths lie near a choice.
-pub const LEAST_OF_EVERYTHING: f64 = 0.97;
+const LEAST_OF_EVERYTHING: f64 = 0.97;
+
+/// The same on a GPU, which contracts products and sums and whose sines and roots are less exact (H100: 0.967).
+const LEAST_OF_EVERYTHING_ON_HARDWARE: f64 = 0.96;
+
+/// For the scene that has everything at once.
+pub fn least_of_everything(device: &Device) -> f64 {
+    if device.is_software() { LEAST_OF_EVERYTHING } else { LEAST_OF_EVERYTHING_ON_HARDWARE }
+}
 
 /// Largest difference of two values that count as the same, as a share of the larger.
 const SAME: f32 = 1e-3;
@@ -52,7 +60,7 @@ pub fn assert_same(device: &Device, scene: &Scene, frame: i64, camera: usize, op
     let ours = device.render(&gpu, options).unwrap();
     let expected = gpu.tracer().render(options, &Control::default()).unwrap();
     let shares = agreement(&ours.frame, &expected.frame);
-    let least = if scene.name == "everything" { LEAST_OF_EVERYTHING } else { LEAST };
+    let least = if scene.name == "everything" { least_of_everything(device) } else { LEAST };
     println!("{}, frame {frame}: {shares:.4?}", scene.name);
     for (plane, share) in shares {
         assert!(share >= least, "{}: only {share:.4} of plane {plane} agree", scene.name);

@@ -169,7 +169,7 @@ fn rejection(pixel: vec2i) -> vec3f {
             most = k;
         }
     }
-    let q = footprint_pixel(footprint, most);
+    let q = footprint_pixel(footprint.first, most);
     if !contains_before(q) {
         return REASON_OFF_SCREEN;
     }

@@ -1,5 +1,5 @@
-// Stage 5's window in workgroup memory: confidence once for each pixel of a tile and its border, then the maximum, then
-// the mean along rows; each is as far as the next needs it. The pass declares `BORDER`: pixels around the tile of 8x8
+// Stage 5's window in workgroup memory: confidence once for each pixel of a tile and its border, then the maximum along
+// rows, along columns, and the mean along rows; each is as far as the next needs it. The pass declares `BORDER`: pixels around the tile of 8x8
 // for which distrust is wanted as well.
 
 // Largest `disocclusion.radius` and `disocclusion.blur`.
@@ -10,8 +10,9 @@ const INNER: i32 = TILE + 2 * BORDER;
 const WIDEST_SIDE: i32 = INNER + 2 * MOST_RADIUS;
 const CONFIDENCE_SIDE: i32 = WIDEST_SIDE + 2 * MOST_RADIUS;
 
+// Confidence, and once it has been read the maximum over the square.
 var<workgroup> confidence_tile: array<f32, CONFIDENCE_SIDE * CONFIDENCE_SIDE>;
-var<workgroup> widest_tile: array<f32, WIDEST_SIDE * WIDEST_SIDE>;
+var<workgroup> widest_row_tile: array<f32, WIDEST_SIDE * CONFIDENCE_SIDE>;
 var<workgroup> rows_tile: array<f32, INNER * WIDEST_SIDE>;
 // First pixel of the tile with its border.
 var<private> inner_first: vec2i;
@@ -20,6 +21,12 @@ fn confidence_slot(pixel: vec2i) -> i32 {
     let halo = settings.disocclusion.radius + settings.disocclusion.blur;
     let at = pixel - inner_first + halo;
     return at.y * CONFIDENCE_SIDE + at.x;
+}
+
+fn widest_row_slot(pixel: vec2i) -> i32 {
+    let blur = settings.disocclusion.blur;
+    let at = pixel - inner_first + vec2i(blur, settings.disocclusion.radius + blur);
+    return at.y * WIDEST_SIDE + at.x;
 }
 
 fn widest_slot(pixel: vec2i) -> i32 {
@@ -36,8 +43,12 @@ fn confidence_at(pixel: vec2i) -> f32 {
     return confidence_tile[confidence_slot(pixel)];
 }
 
+fn widest_row_at(pixel: vec2i) -> f32 {
+    return widest_row_tile[widest_row_slot(pixel)];
+}
+
 fn widest_at(pixel: vec2i) -> f32 {
-    return widest_tile[widest_slot(pixel)];
+    return confidence_tile[widest_slot(pixel)];
 }
 
 fn rows_at(pixel: vec2i) -> f32 {
@@ -49,7 +60,7 @@ fn pixel_in(first: vec2i, i: i32, width: i32) -> vec2i {
     return first + vec2i(i % width, i / width);
 }
 
-// Fills the three tiles; every invocation of the workgroup takes part.
+// Fills the tiles; every invocation of the workgroup takes part.
 fn gather_distrust(group: vec2u, local: i32) {
     inner_first = vec2i(group) * TILE - BORDER;
     let radius = settings.disocclusion.radius;
@@ -63,10 +74,17 @@ fn gather_distrust(group: vec2u, local: i32) {
     }
     workgroupBarrier();
     let middle = INNER + 2 * blur;
+    for (var i = local; i < middle * wide; i += INVOCATIONS) {
+        let pixel = pixel_in(inner_first - vec2i(blur, radius + blur), i, middle);
+        if contains(pixel) {
+            widest_row_tile[widest_row_slot(pixel)] = disocclusion_widest_row(pixel);
+        }
+    }
+    workgroupBarrier();
     for (var i = local; i < middle * middle; i += INVOCATIONS) {
         let pixel = pixel_in(inner_first - blur, i, middle);
         if contains(pixel) {
-            widest_tile[widest_slot(pixel)] = disocclusion_widest(pixel);
+            confidence_tile[widest_slot(pixel)] = disocclusion_widest(pixel);
         }
     }
     workgroupBarrier();

@@ -11,11 +11,12 @@ fn firefly_is_surface(pixel: vec2i) -> bool {
 fn suppress_joint(@builtin(global_invocation_id) id: vec3u) {
     let pixel = vec2i(id.xy);
     if contains(pixel) {
-        var chosen = firefly_choice(pixel);
-        var colour: vec3f;
-        for (var c = 0; c < 3; c++) {
-            colour[c] = first_colour(textureLoad(pass_input, chosen[c], 0))[c];
-        }
+        let chosen = firefly_choice(pixel);
+        let colour = vec3f(
+            first_colour(textureLoad(pass_input, chosen[0], 0)).x,
+            first_colour(textureLoad(pass_input, chosen[1], 0)).y,
+            first_colour(textureLoad(pass_input, chosen[2], 0)).z,
+        );
         textureStore(output, pixel, vec4f(stored_colour(colour), 0.0));
     }
 }

@@ -14,6 +14,9 @@ use std::task::{Context, Poll, Waker};
 pub struct Gpu {
     pub device: wgpu::Device,
     pub queue: wgpu::Queue,
+    /// A processor that plays a GPU. Its arithmetic is the CPU's; a GPU contracts products and sums, and its quotients,
+    /// roots and powers have some units of the last place more.
+    pub is_software: bool,
 }
 
 /// Futures of native back ends are ready when they are made.
@@ -49,7 +52,7 @@ pub fn open_with(features: wgpu::Features, limits: impl FnOnce(&wgpu::Limits) ->
     };
     let (device, queue) = now(adapter.request_device(&descriptor)).map_err(|e| format!("no device: {e}"))?;
     device.on_uncaptured_error(Arc::new(|error| panic!("wgpu's validation: {error}")));
-    Ok(Gpu { device, queue })
+    Ok(Gpu { device, queue, is_software: info.device_type == wgpu::DeviceType::Cpu })
 }
 
 /// The device, or `None` after saying why there is none.

@@ -26,6 +26,9 @@ const BOUNDS: [Bound; 3] = [
     // their spread over the window, a difference of sums, multiplies what the means differ by.
     ("variance", [1e-4, 1e-3]),
 ];
+/// Of the variance from the CPU, where a GPU contracts products and sums (H100: up to 7.1e-4 with windows of 3x3 pixels): a
+/// difference of sums has lost what either has lost.
+const VARIANCE_OF_HARDWARE: f64 = 1e-3;
 /// Of whole sequences.
 const SEQUENCE: f64 = 1e-4;
 /// Share of values that may lie beyond: whether a pixel shows the same surface is decided at thresholds, and a last bit
@@ -141,7 +144,10 @@ impl Window {
         let place = |light: usize| asked.iter().position(|l| l.wavelet.light == light).unwrap();
         let mut seen = self.host.seen.lock().unwrap();
         for backend in self.host.compares {
-            let bound = BOUNDS.map(|(_, bounds)| bounds[usize::from(*backend == Backend::Reference)]);
+            let mut bound = BOUNDS.map(|(_, bounds)| bounds[usize::from(*backend == Backend::Reference)]);
+            if !self.host.gpu.is_software {
+                bound[2] = bound[2].max(VARIANCE_OF_HARDWARE);
+            }
             let number = job.frame(job.centre()).number;
             let known = self.host.wanted.as_ref().map(|wanted| wanted.lock().unwrap());
             let wanted = match known {
@@ -319,6 +325,7 @@ fn every_stage_agrees_whatever_a_frame_has() {
         };
         case(&format!("light {light} alone"), settings(&[]), frames(3).map(one).collect());
     }
+    let mut off = Vec::new();
     for (name, settings, frames) in cases {
         let seen = stages(&host, &[Backend::Reference, Backend::Cpu], &settings, frames);
         println!(
@@ -328,8 +335,11 @@ fn every_stage_agrees_whatever_a_frame_has() {
             seen[2].most,
             seen.map(|s| s.beyond)
         );
-        assert!(seen.iter().all(Seen::agrees), "{name}: {seen:?}");
+        if !seen.iter().all(Seen::agrees) {
+            off.push(format!("{name}: {seen:?}"));
+        }
     }
+    assert!(off.is_empty(), "{off:#?}");
 }
 
 #[test]
@@ -482,7 +492,10 @@ fn every_parameter_is_the_devices_too() {
     let alone = settings(&[("stabilise.frames", "0"), ("blend.choose", "false")]);
     let base = run(&alone, frames.clone(), None);
     let of_device = |name: &str| ["gather.", "variance.", "wavelet."].iter().any(|group| name.starts_with(group));
-    let (mut moved, mut still) = (0, Vec::new());
+    // At the ends a parameter lies at its threshold (a depth that may differ by 0, equal normals whose cosine must exceed 1),
+    // where a GPU's last bit decides: two of the 192 pixels (H100 and H200: `gather.moving_depth` and `light_contrast`).
+    let decided = if gpu.is_software { DECIDED } else { 1.5e-2 };
+    let (mut moved, mut still, mut beyond) = (0, Vec::new(), Vec::new());
     for parameter in SEQUENCE_PARAMETERS.iter().filter(|p| of_device(p.name)) {
         let mut shows = false;
         // The ends and the middle: the device compiles nothing, but runs every frame again.
@@ -495,13 +508,16 @@ fn every_parameter_is_the_devices_too() {
             let cpu = run(&changed, frames.clone(), None);
             let found = run(&changed, frames.clone(), Some(&host));
             let off = share_beyond(&cpu, &found);
-            assert!(off <= DECIDED, "{} = {value}: {off:.1e}", parameter.name);
+            if off > decided {
+                beyond.push(format!("{} = {value}: {off:.1e}", parameter.name));
+            }
             // Were the device to ignore it, that would be seen.
-            shows |= share_beyond(&base, &cpu) > DECIDED;
+            shows |= share_beyond(&base, &cpu) > decided;
         }
         if shows { moved += 1 } else { still.push(parameter.name) }
     }
     println!("{moved} parameters move the picture; not here: {still:?}");
+    assert!(beyond.is_empty(), "{beyond:#?}");
     assert!(moved > 30, "{still:?}");
 }
 
