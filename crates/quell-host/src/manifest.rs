@@ -3,8 +3,7 @@
 
 use quell::gpu::{
     BindingKind, Bound, Contents, Convention, Dispatch, FIRST_BINDING, Holds, Pass, PrepareUniforms, Program, Resource,
-    Role, Sample, SettingsUniforms, Slot, Storage, TAP_FRAMES, Texel, Uniform, WORKGROUP, debug_view_numbers, layouts,
-    pack_taps,
+    Role, Sample, SettingsUniforms, Slot, Storage, TAP_FRAMES, Texel, Uniform, debug_view_numbers, layouts, pack_taps,
 };
 use quell::pipeline::Plan;
 use quell::{Settings, Size};
@@ -151,8 +150,8 @@ fn debug() -> Value {
     json!({
         "file": DEBUG,
         "entry_point": pass.entry,
-        "workgroup_size": [WORKGROUP, WORKGROUP, 1],
-        "workgroups": workgroups(),
+        "workgroup_size": [pass.workgroup(), pass.workgroup(), 1],
+        "workgroups": workgroups(&pass),
         "group": 0,
         "bindings": uniform_bindings().into_iter().chain(bindings).collect::<Vec<_>>(),
         "views": debug_view_numbers().map(|(name, number)| (name.to_owned(), json!(number))).collect::<Map<_, _>>(),
@@ -165,8 +164,9 @@ fn uniform_bindings() -> [Value; 2] {
         .map(|(name, binding)| json!({ "binding": binding, "name": name, "kind": "uniform", "uniform": name }))
 }
 
-fn workgroups() -> [String; 3] {
-    [format!("ceil(width / {WORKGROUP})"), format!("ceil(height / {WORKGROUP})"), "1".to_owned()]
+fn workgroups(pass: &Pass) -> [String; 3] {
+    let side = pass.workgroup();
+    [format!("ceil(width / {side})"), format!("ceil(height / {side})"), "1".to_owned()]
 }
 
 /// The border's uniform: what the convention says, and which members every frame fills anew.
@@ -294,8 +294,8 @@ fn dispatch(program: &Program, index: usize, dispatch: &Dispatch) -> Value {
         "stages": dispatch.pass.stages.iter().map(|s| s.name()).collect::<Vec<_>>(),
         "file": shader_name(index, dispatch),
         "entry_point": dispatch.pass.entry,
-        "workgroup_size": [WORKGROUP, WORKGROUP, 1],
-        "workgroups": workgroups(),
+        "workgroup_size": [dispatch.pass.workgroup(), dispatch.pass.workgroup(), 1],
+        "workgroups": workgroups(&dispatch.pass),
         "group": 0,
         "bindings": uniform_bindings().into_iter().chain(bindings).collect::<Vec<_>>(),
         "bytes_per_pixel": program.bytes_of(dispatch),

@@ -2,8 +2,8 @@
 //! result in ways that look alike; each view shows some of them plainly.
 
 use super::error::Error;
-use super::kernel::{Kernel, check_stored, workgroups};
-use super::pass::{Binding, BindingKind, Pass, Sample};
+use super::kernel::{Kernel, check_stored, workgroups_of};
+use super::pass::{Binding, BindingKind, Pass, Sample, WORKGROUP};
 use super::sequence;
 use super::small::filled;
 use super::storage::{Storage, Texel};
@@ -291,7 +291,7 @@ impl DebugViews {
     ) -> Result<(), Error> {
         let expected = "the format that the views were made for";
         check_stored(PASS, "target", target.view.texture(), (self.format, expected), inputs.size)?;
-        let groups = workgroups(device, PASS, inputs.size)?;
+        let groups = workgroups_of(device, PASS, WORKGROUP, inputs.size)?;
         let centre = match view {
             DebugView::WeightsAround([x, y]) => {
                 let held = |v: u32, extent: usize| v.min(extent as u32 - 1) as i32;

@@ -7,9 +7,10 @@ use super::convention::PrepareUniforms;
 use super::error::Error;
 use super::frame::{Frame, Guides, Output};
 use super::groups::Groups;
-use super::kernel::workgroups;
+use super::kernel::{workgroups, workgroups_of};
 use super::kernels::Kernels;
 use super::options::Options;
+use super::pass::WORKGROUP;
 use super::planes::{Planes, extent_of};
 use super::program::{Contents, Memory, Program, Role};
 use super::repairs::Repairs;
@@ -89,7 +90,7 @@ impl Denoiser {
         let plan = wanted(&Plan::new(&options.settings, usual.inputs()), usual, options.composite);
         let program = program_of(&plan, usual, options);
         let mut planes = Planes::new(device, size, &options.label, options.storage)?;
-        workgroups(device, "denoiser", size)?;
+        workgroups_of(device, "denoiser", WORKGROUP, size)?;
         planes.ensure(device, &program);
         kernels.ensure(device, &program);
         Ok(Self {
@@ -145,7 +146,7 @@ impl Denoiser {
     /// As [`Denoiser::new`]; the old size stays.
     pub fn resize(&mut self, device: &wgpu::Device, size: Size) -> Result<(), Error> {
         let mut planes = Planes::new(device, size, &self.options.label, self.options.storage)?;
-        workgroups(device, "denoiser", size)?;
+        workgroups_of(device, "denoiser", WORKGROUP, size)?;
         planes.ensure(device, &self.program.2);
         self.planes = planes;
         self.size = size;
@@ -218,7 +219,7 @@ impl Denoiser {
     ) -> Result<Output, Error> {
         frame.check(self.size, self.options.storage)?;
         let size = frame.size;
-        let workgroups = workgroups(device, "denoiser", size)?;
+        workgroups_of(device, "denoiser", WORKGROUP, size)?;
         let tile = frame.tile.unwrap_or(Tile::whole(size));
         let projection = |camera: &Camera, which| camera.projection(tile.whole).ok_or(crate::Error::Camera { which });
         let cameras = Cameras {
@@ -263,6 +264,7 @@ impl Denoiser {
                 Some(kernel.group(device, uniforms.chain(bound).collect::<Option<Vec<_>>>()?))
             };
             if let Some(group) = groups.get(index, *turn, views, make) {
+                let workgroups = workgroups(device, &dispatch.pass, size)?;
                 kernel.dispatch(encoder, group, workgroups, timings.as_mut().and_then(|t| t.next(&dispatch.pass)));
             }
         }

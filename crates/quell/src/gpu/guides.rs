@@ -1,9 +1,10 @@
 //! Guides and tap patterns as textures and storage buffers hold them: twin of `guides/store.wgsl` and `storage/*.wgsl`.
 
-use super::storage::Storage;
+use super::storage::{Storage, Texel};
 use super::uniform::{Value, uniforms};
 use crate::border::Guides;
 use crate::kernels::spiral::{PHASES, Spiral};
+use crate::par;
 use glam::{Vec2, Vec3};
 
 uniforms! {
@@ -34,7 +35,7 @@ struct Guide {
 }
 
 /// The texels of the three planes of guides, row by row without padding.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct GuideTexels {
     /// View depth and normal.
     pub geometry: Vec<u8>,
@@ -46,25 +47,35 @@ pub struct GuideTexels {
 
 /// The guides of a frame as textures of this storage hold them.
 pub fn pack_guides(guides: &Guides, storage: Storage) -> GuideTexels {
-    let mut out = GuideTexels { geometry: Vec::new(), surface: Vec::new(), moving: Vec::new() };
-    for y in 0..guides.size.height {
-        for x in 0..guides.size.width {
-            let depth = guides.depth.at(x, y);
-            let motion = Vec2::from(guides.motion.at(x, y));
-            let far = Vec2::splat(UNKNOWN_MOTION);
-            let guide = Guide {
-                normal: Vec3::from(guides.normal.at(x, y)),
-                depth: if depth < FAR { depth } else { BACKGROUND },
-                motion: if motion.is_nan() { far } else { motion.clamp(-far, far) },
-                roughness: guides.roughness.at(x, y),
-                glossy_hit: guides.glossy_hit.at(x, y).min(FAR),
-                id: guides.id.at(x, y),
-                confidence_in: guides.confidence_in.at(x, y),
-            };
-            match storage {
-                Storage::Float => float::store(&guide, &mut out),
-                Storage::Half => half::store(&guide, &mut out),
-            }
+    let mut rows = vec![GuideTexels::default(); guides.size.height];
+    par::rows(&mut rows, 1, |y, row| row.iter_mut().for_each(|row| *row = pack_row(guides, y, storage)));
+    let all = |of: fn(&GuideTexels) -> &[u8]| rows.iter().map(of).collect::<Vec<_>>().concat();
+    GuideTexels { geometry: all(|row| &row.geometry), surface: all(|row| &row.surface), moving: all(|row| &row.moving) }
+}
+
+fn pack_row(guides: &Guides, y: usize, storage: Storage) -> GuideTexels {
+    let bytes = |texel: Texel| Vec::with_capacity(guides.size.width * texel.bytes(storage) as usize);
+    let mut out = GuideTexels {
+        geometry: bytes(Texel::Geometry),
+        surface: bytes(Texel::Surface),
+        moving: bytes(Texel::Moving),
+    };
+    for x in 0..guides.size.width {
+        let depth = guides.depth.at(x, y);
+        let motion = Vec2::from(guides.motion.at(x, y));
+        let far = Vec2::splat(UNKNOWN_MOTION);
+        let guide = Guide {
+            normal: Vec3::from(guides.normal.at(x, y)),
+            depth: if depth < FAR { depth } else { BACKGROUND },
+            motion: if motion.is_nan() { far } else { motion.clamp(-far, far) },
+            roughness: guides.roughness.at(x, y),
+            glossy_hit: guides.glossy_hit.at(x, y).min(FAR),
+            id: guides.id.at(x, y),
+            confidence_in: guides.confidence_in.at(x, y),
+        };
+        match storage {
+            Storage::Float => float::store(&guide, &mut out),
+            Storage::Half => half::store(&guide, &mut out),
         }
     }
     out

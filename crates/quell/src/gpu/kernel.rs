@@ -1,7 +1,7 @@
 //! A pass made ready for a device, and encoded into the caller's encoder.
 
 use super::error::Error;
-use super::pass::{Binding, BindingKind, Pass, Sample, WORKGROUP};
+use super::pass::{Binding, BindingKind, Pass, Sample};
 use super::storage::Storage;
 use crate::plane::Size;
 use std::num::NonZeroU64;
@@ -197,7 +197,7 @@ impl Kernel {
         size: Size,
     ) -> Result<[u32; 2], Error> {
         let pass = self.pass.name;
-        let groups = workgroups(device, pass, size)?;
+        let groups = workgroups(device, &self.pass, size)?;
         if bound.len() != self.pass.bindings.len() {
             let expected = self.pass.bindings.len();
             return Err(Error::Count { pass, expected, found: bound.len() });
@@ -327,15 +327,25 @@ pub(super) fn check_stored(
     check_extent(pass, binding, texture, size)
 }
 
-/// Workgroups along each axis.
-pub(super) fn workgroups(device: &wgpu::Device, pass: &'static str, size: Size) -> Result<[u32; 2], Error> {
+/// Workgroups of a pass along each axis.
+pub(super) fn workgroups(device: &wgpu::Device, pass: &Pass, size: Size) -> Result<[u32; 2], Error> {
+    workgroups_of(device, pass.name, pass.workgroup(), size)
+}
+
+/// The same of workgroups that cover `side` pixels along each axis.
+pub(super) fn workgroups_of(
+    device: &wgpu::Device,
+    pass: &'static str,
+    side: u32,
+    size: Size,
+) -> Result<[u32; 2], Error> {
     let most = device.limits().max_compute_workgroups_per_dimension;
     let groups = |extent: usize| {
-        u32::try_from(extent)
-            .ok()
-            .map(|n| n.div_ceil(WORKGROUP))
-            .filter(|n| (1..=most).contains(n))
-            .ok_or(Error::Size { pass, size, limit: "max_compute_workgroups_per_dimension" })
+        u32::try_from(extent).ok().map(|n| n.div_ceil(side)).filter(|n| (1..=most).contains(n)).ok_or(Error::Size {
+            pass,
+            size,
+            limit: "max_compute_workgroups_per_dimension",
+        })
     };
     Ok([groups(size.width)?, groups(size.height)?])
 }

@@ -129,8 +129,11 @@ pub struct Pass {
     pub(super) pieces: &'static [&'static str],
 }
 
-/// Pixels along each side that one workgroup covers.
+/// Pixels along each side that one workgroup covers, but for stages 3 and 8 ([`Pass::workgroup`]).
 pub const WORKGROUP: u32 = 8;
+/// The same of stages 3 and 8: where light has changed, a workgroup sums all cells around it, and a larger one fewer for
+/// each of its pixels.
+const WORKGROUP_TEMPORAL: u32 = 16;
 /// Binding of the first resource after the per-frame uniforms.
 pub const FIRST_BINDING: u32 = 2;
 
@@ -160,6 +163,14 @@ impl Pass {
             source += &constants;
         }
         source + &body
+    }
+
+    /// Pixels along each side that one workgroup covers.
+    pub const fn workgroup(&self) -> u32 {
+        match self.stages.first() {
+            Some(Stage::MatteTemporal | Stage::GlossyTemporal) => WORKGROUP_TEMPORAL,
+            _ => WORKGROUP,
+        }
     }
 
     /// Binding of the first of [`Pass::bindings`].

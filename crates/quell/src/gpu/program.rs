@@ -148,7 +148,7 @@ pub struct Bound {
     pub before: bool,
 }
 
-/// A dispatch over the whole image: one workgroup for every 8x8 pixels.
+/// A dispatch over the whole image: one workgroup for every [`Pass::workgroup`] pixels along each axis.
 #[derive(Clone, Debug)]
 pub struct Dispatch {
     /// Shader, entry point, names of bindings, stages.

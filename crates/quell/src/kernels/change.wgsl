@@ -40,9 +40,10 @@ fn change_weight(blend: Blend, frames: f32) -> f32 {
     return max(1.0 - blend.fast_frames / frames, 0.0);
 }
 
-// Cells around a workgroup: each of its invocations sums one. `changed_light.radius` is at most 3, and a workgroup touches two cells along
-// an axis where it does not begin with one.
-const CELLS: i32 = 8;
+// Cells around a workgroup, of which each of its first invocations sums one. `changed_light.radius` is at most 3, and a workgroup of 16x16
+// pixels touches three cells along an axis where it does not begin with one.
+const GROUP: i32 = 16;
+const CELLS: i32 = 9;
 var<workgroup> cells: array<vec4f, CELLS * CELLS>;
 
 // The place in the frame before, in pixels of the whole picture, that has a pixel's place in this one.
@@ -100,23 +101,26 @@ fn weighed_cell(w: f32, k: i32) -> vec4f {
     return vec4f(w, w, w, w * w) * cells[k];
 }
 
-// c, 0..1, of a pixel of this frame. All invocations of a workgroup of 8x8 pixels come here together.
+// c, 0..1, of a pixel of this frame. All invocations of a workgroup come here together.
 fn changed_light(blend: Blend, here: Invocation, history: texture_2d<f32>, history_length: texture_2d<f32>) -> f32 {
     if !looks_for_change(blend) {
         return 0.0;
     }
-    let corner = vec2i(floor(place_before(vec2i(here.workgroup) * 8) + 0.5));
+    let corner = vec2i(floor(place_before(vec2i(here.workgroup) * GROUP) + 0.5));
     let first = corner / CHANGE_CELL - blend.change_radius;
     // The other signal's may still be read.
     workgroupBarrier();
     let own = vec2i(i32(here.invocation) % CELLS, i32(here.invocation) / CELLS);
-    cells[here.invocation] = cell_at(blend, first + own, history, history_length);
+    if own.y < CELLS {
+        cells[here.invocation] = cell_at(blend, first + own, history, history_length);
+    }
     workgroupBarrier();
     let place = place_before(here.pixel);
     let middle = vec2f(first * CHANGE_CELL) + f32(CHANGE_CELL - 1) / 2.0 - place;
     let columns = vec4f(0.0, 1.0, 2.0, 3.0) * f32(CHANGE_CELL) + middle.x;
     let left = tent(blend, columns);
     let right = tent(blend, columns + 4.0 * f32(CHANGE_CELL));
+    let last = tent(blend, columns + 8.0 * f32(CHANGE_CELL)).x;
     var sums = vec4f(0.0);
     for (var row = 0; row < CELLS; row++) {
         let along = tent(blend, vec4f(f32(row * CHANGE_CELL) + middle.y)).x;
@@ -130,6 +134,7 @@ fn changed_light(blend: Blend, here: Invocation, history: texture_2d<f32>, histo
             sums += weighed_cell(right.y * along, k + 5);
             sums += weighed_cell(right.z * along, k + 6);
             sums += weighed_cell(right.w * along, k + 7);
+            sums += weighed_cell(last * along, k + 8);
         }
     }
     if sums.x < CHANGE_LEAST_TAPS {

@@ -5,9 +5,9 @@ const BORDER: i32 = 0;
 fn blend(
     @builtin(global_invocation_id) id: vec3u,
     @builtin(workgroup_id) group: vec3u,
-    @builtin(local_invocation_index) local: u32,
+    @builtin(local_invocation_id) local: vec3u,
 ) {
-    gather_distrust(group.xy, i32(local));
+    gather_distrust(group.xy, vec2i(local.xy));
     let pixel = vec2i(id.xy);
     if contains(pixel) {
         let result = blended_at(pixel, textureLoad(temporal, pixel, 0).xyz);

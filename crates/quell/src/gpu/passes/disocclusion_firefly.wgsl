@@ -21,16 +21,18 @@ fn firefly_is_surface(pixel: vec2i) -> bool {
 fn blend_and_suppress(
     @builtin(global_invocation_id) id: vec3u,
     @builtin(workgroup_id) group: vec3u,
-    @builtin(local_invocation_index) local: u32,
+    @builtin(local_invocation_id) local: vec3u,
 ) {
-    gather_distrust(group.xy, i32(local));
-    for (var i = i32(local); i < INNER * INNER; i += INVOCATIONS) {
-        let pixel = pixel_in(inner_first, i, INNER);
+    gather_distrust(group.xy, vec2i(local.xy));
+    // 100 pixels for 64 invocations.
+    let number = i32(local.y) * TILE + i32(local.x);
+    for (var i = number; i < INNER * INNER; i += TILE * TILE) {
+        let inside = vec2i(i % INNER, i / INNER);
+        let pixel = inner_first + inside;
         if contains(pixel) {
             let accumulated = textureLoad(temporal, pixel, 0);
             let result = blended_at(pixel, accumulated.xyz);
             blended_tile[i] = vec4f(stored_colour(result.shown), accumulated.w);
-            let inside = pixel - inner_first;
             if all(inside >= vec2i(BORDER)) && all(inside < vec2i(BORDER + TILE)) {
                 textureStore(floored, pixel, vec4f(stored_colour(result.floored), 0.0));
             }

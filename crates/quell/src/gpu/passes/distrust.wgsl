@@ -5,7 +5,6 @@
 // Largest `disocclusion.radius` and `disocclusion.blur`.
 const MOST_RADIUS: i32 = 8;
 const TILE: i32 = 8;
-const INVOCATIONS: i32 = TILE * TILE;
 const INNER: i32 = TILE + 2 * BORDER;
 const WIDEST_SIDE: i32 = INNER + 2 * MOST_RADIUS;
 const CONFIDENCE_SIDE: i32 = WIDEST_SIDE + 2 * MOST_RADIUS;
@@ -55,43 +54,47 @@ fn rows_at(pixel: vec2i) -> f32 {
     return rows_tile[rows_slot(pixel)];
 }
 
-// Pixel `i` of an area that begins at `first` and is `width` wide.
-fn pixel_in(first: vec2i, i: i32, width: i32) -> vec2i {
-    return first + vec2i(i % width, i / width);
-}
-
-// Fills the tiles; every invocation of the workgroup takes part.
-fn gather_distrust(group: vec2u, local: i32) {
+// Fills the tiles; every invocation of the workgroup takes part. `local`: its place in the workgroup; it takes every eighth
+// pixel along each axis from there.
+fn gather_distrust(group: vec2u, local: vec2i) {
     inner_first = vec2i(group) * TILE - BORDER;
     let radius = settings.disocclusion.radius;
     let blur = settings.disocclusion.blur;
     let wide = INNER + 2 * (radius + blur);
-    for (var i = local; i < wide * wide; i += INVOCATIONS) {
-        let pixel = pixel_in(inner_first - radius - blur, i, wide);
-        if contains(pixel) {
-            confidence_tile[confidence_slot(pixel)] = abs(textureLoad(temporal, pixel, 0).w);
+    for (var y = local.y; y < wide; y += TILE) {
+        for (var x = local.x; x < wide; x += TILE) {
+            let pixel = inner_first - radius - blur + vec2i(x, y);
+            if contains(pixel) {
+                confidence_tile[confidence_slot(pixel)] = abs(textureLoad(temporal, pixel, 0).w);
+            }
         }
     }
     workgroupBarrier();
     let middle = INNER + 2 * blur;
-    for (var i = local; i < middle * wide; i += INVOCATIONS) {
-        let pixel = pixel_in(inner_first - vec2i(blur, radius + blur), i, middle);
-        if contains(pixel) {
-            widest_row_tile[widest_row_slot(pixel)] = disocclusion_widest_row(pixel);
+    for (var y = local.y; y < wide; y += TILE) {
+        for (var x = local.x; x < middle; x += TILE) {
+            let pixel = inner_first - vec2i(blur, radius + blur) + vec2i(x, y);
+            if contains(pixel) {
+                widest_row_tile[widest_row_slot(pixel)] = disocclusion_widest_row(pixel);
+            }
         }
     }
     workgroupBarrier();
-    for (var i = local; i < middle * middle; i += INVOCATIONS) {
-        let pixel = pixel_in(inner_first - blur, i, middle);
-        if contains(pixel) {
-            confidence_tile[widest_slot(pixel)] = disocclusion_widest(pixel);
+    for (var y = local.y; y < middle; y += TILE) {
+        for (var x = local.x; x < middle; x += TILE) {
+            let pixel = inner_first - blur + vec2i(x, y);
+            if contains(pixel) {
+                confidence_tile[widest_slot(pixel)] = disocclusion_widest(pixel);
+            }
         }
     }
     workgroupBarrier();
-    for (var i = local; i < INNER * middle; i += INVOCATIONS) {
-        let pixel = pixel_in(inner_first - vec2i(0, blur), i, INNER);
-        if contains(pixel) {
-            rows_tile[rows_slot(pixel)] = disocclusion_rows(pixel);
+    for (var y = local.y; y < middle; y += TILE) {
+        for (var x = local.x; x < INNER; x += TILE) {
+            let pixel = inner_first - vec2i(0, blur) + vec2i(x, y);
+            if contains(pixel) {
+                rows_tile[rows_slot(pixel)] = disocclusion_rows(pixel);
+            }
         }
     }
     workgroupBarrier();

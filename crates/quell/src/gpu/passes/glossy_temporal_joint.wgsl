@@ -1,5 +1,5 @@
 // Stage 8 of a plane that is tied to the glossy signal, one pixel an invocation. The lookup is worked out anew.
-@compute @workgroup_size(8, 8)
+@compute @workgroup_size(16, 16)
 fn accumulate_glossy_joint(
     @builtin(global_invocation_id) id: vec3u,
     @builtin(workgroup_id) group: vec3u,

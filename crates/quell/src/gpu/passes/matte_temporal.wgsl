@@ -1,5 +1,5 @@
 // Stage 3, one pixel an invocation.
-@compute @workgroup_size(8, 8)
+@compute @workgroup_size(16, 16)
 fn accumulate_matte(
     @builtin(global_invocation_id) id: vec3u,
     @builtin(workgroup_id) group: vec3u,

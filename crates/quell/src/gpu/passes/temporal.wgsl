@@ -1,5 +1,5 @@
 // Stages 3 and 8 in one, one pixel an invocation: they read the same guides, now and before.
-@compute @workgroup_size(8, 8)
+@compute @workgroup_size(16, 16)
 fn accumulate_both(
     @builtin(global_invocation_id) id: vec3u,
     @builtin(workgroup_id) group: vec3u,

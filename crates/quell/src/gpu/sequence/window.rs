@@ -10,7 +10,8 @@ use super::passes::TOGETHER;
 use super::schedule::Shown;
 use super::uniforms::extent;
 use crate::gpu::error::Error;
-use crate::gpu::kernel::workgroups;
+use crate::gpu::kernel::workgroups_of;
+use crate::gpu::pass::WORKGROUP;
 use crate::gpu::small::filled;
 use crate::plane::Size;
 use crate::sequence::{EstimateJob, FramePlane, GatheredLight, LightPlace};
@@ -139,7 +140,7 @@ impl SequenceWindow {
         let (layers, pixels) = (job.most_frames(), size.pixels() as u64);
         let limits = device.limits();
         let beyond = |limit| Error::Size { pass: PASS, size, limit };
-        workgroups(device, PASS, size)?;
+        workgroups_of(device, PASS, WORKGROUP, size)?;
         if size.width.max(size.height) > limits.max_texture_dimension_2d as usize {
             return Err(beyond("max_texture_dimension_2d"));
         }

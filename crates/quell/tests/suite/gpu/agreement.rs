@@ -498,7 +498,7 @@ pub const PLANTED: &[(&str, &str, &str)] = &[
     ("5+6", ".w >= 0.0", ".w >= -2.0"),
     ("5+6", "vec4f(stored_colour(result.shown), accumulated.w)", "accumulated"),
     ("5+6", "const BORDER: i32 = 1;", "const BORDER: i32 = 0;"),
-    ("5+6, wide", "pixel_in(inner_first - radius - blur, i, wide)", "pixel_in(inner_first - blur, i, wide)"),
+    ("5+6, wide", "inner_first - radius - blur + vec2i(x, y)", "inner_first - blur + vec2i(x, y)"),
     (
         "3+8",
         "glossy_temporal(pixel, glossy_changed, glossy_current, glossy_history, glossy_history_length)",

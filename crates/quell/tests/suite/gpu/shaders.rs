@@ -2,7 +2,7 @@
 //! are laid out as Rust writes them.
 
 use quell::gpu::wgpu::{Limits, naga};
-use quell::gpu::{BindingKind, Pass, Storage, WORKGROUP, layouts};
+use quell::gpu::{BindingKind, Pass, Storage, layouts};
 
 /// Every pass as every device may be given it.
 fn sources() -> Vec<(Pass, Storage, String)> {
@@ -65,7 +65,7 @@ fn passes_are_within_the_default_limits() {
             let [x, y, z] = entry.workgroup_size;
             assert!(x * y * z <= limits.max_compute_invocations_per_workgroup);
             // What the number of workgroups is counted with.
-            assert_eq!([x, y, z], [WORKGROUP, WORKGROUP, 1], "{}", pass.name);
+            assert_eq!([x, y, z], [pass.workgroup(), pass.workgroup(), 1], "{}", pass.name);
         }
     }
     assert_eq!(limits.max_sampled_textures_per_shader_stage, 16);
