@@ -254,28 +254,35 @@ fn every_stage_agrees_with_its_reference() {
         });
     }
 
-    let (steady, _) = (stages_of(Backend::Cpu).stabilise)(&shown, 2, &s.gather, &s.stabilise);
+    let (steady, alpha) = (stages_of(Backend::Cpu).stabilise)(&shown, 2, &s.gather, &s.stabilise);
     check("residual", |stages| {
         let corrected = (stages.picture_residual)(5, &raw[2], steady.clone(), &s.residual);
         assert!(corrected != steady, "it corrects something here");
         vec![colours("corrected picture", &corrected)]
     });
     let shown: Vec<_> = (members.iter().zip(&raw).zip(&pictures))
-        .map(|((f, input), picture)| BlendFrame { features: &f.features, input, picture })
+        .map(|((f, input), picture)| BlendFrame { features: &f.features, input, picture, alpha: f.alpha.as_ref() })
         .collect();
-    let mut shares = None;
+    let mut blended = None;
     for net in [false, true] {
         let settings = Blend { net, ..s.blend };
         check("blend", |stages| {
-            let blend = (stages.blend)(&shown, 2, &steady, (&s.gather, &s.stabilise), &settings);
-            let output = vec![colours("shares", &blend.shares), ("noise".to_owned(), blend.noise.data().to_vec())];
-            shares = Some(blend.shares);
+            let steady = (&steady, alpha.as_ref());
+            let blend = (stages.blend)(&shown, 2, steady, (&s.gather, &s.stabilise), &settings);
+            let mut output = vec![
+                colours("shares", &blend.shares),
+                ("noise".to_owned(), blend.noise.data().to_vec()),
+                ("coverage".to_owned(), blend.alpha.as_ref().unwrap().data().to_vec()),
+            ];
+            output.extend(blend.gain.as_ref().map(|gain| colours("gain", gain)));
+            assert_eq!(blend.gain.is_some(), net);
+            blended = Some(blend);
             output
         });
     }
 
     check("rescale", |stages| {
-        let passes = (stages.rescale)(here, slots, &filtered, [&pictures[2], &steady], shares.as_ref());
+        let passes = (stages.rescale)(here, slots, &filtered, [&pictures[2], &steady], blended.as_ref());
         passes.iter().flatten().enumerate().map(|(k, plane)| colours(&format!("pass {k}"), plane)).collect()
     });
 }

@@ -6,10 +6,9 @@ use super::settings::{self, Gather, Reflections, SequenceSettings, Stabilise, Va
 use crate::denoiser::Backend;
 use crate::error::Error;
 use crate::frame::Rgb;
-use crate::kernels::math::lerp;
 use crate::par;
 use crate::plane::{Plane, Size};
-use crate::stages::blend::{Blend, BlendFrame};
+use crate::stages::blend::{Blend, BlendFrame, Steady};
 use crate::stages::gather::{self, Gathered};
 use crate::stages::reflection_motion::ReflectionMotion;
 use crate::stages::stabilise::{Likeness, StabiliseFrame};
@@ -23,9 +22,9 @@ pub(crate) type SteadyPicture = (Plane<Rgb>, Option<Plane<f32>>);
 pub(crate) type Passes = Vec<Vec<Plane<Rgb>>>;
 
 /// Arguments and result of `recombine`'s `rescale`.
-type Rescale = fn(&PreparedFrame, &[LightSlot], &Rows, [&Plane<Rgb>; 2], Option<&Plane<[f32; 3]>>) -> Passes;
+type Rescale = fn(&PreparedFrame, &[LightSlot], &Rows, [&Plane<Rgb>; 2], Option<&Blend>) -> Passes;
 /// Arguments and result of `blend`.
-type BlendStage = fn(&[BlendFrame<'_>], usize, &Plane<Rgb>, (&Gather, &Stabilise), &settings::Blend) -> Blend;
+type BlendStage = fn(&[BlendFrame<'_>], usize, Steady<'_>, (&Gather, &Stabilise), &settings::Blend) -> Blend;
 
 /// The stages of the sequence filter on one back end: functions with the contracts of the stages' `reference.rs`.
 pub(crate) struct SequenceStages {
@@ -233,7 +232,7 @@ pub(crate) fn finish(
     let (frame, estimate) = frames[centre];
     let mut finished = Finished { passes: Vec::new(), alpha: frame.alpha.clone(), noise: None };
     // A stage that does not run hands its input on.
-    let (mut steady, mut shares) = (None, None);
+    let (mut steady, mut blend) = (None, None);
     let gather = gather::settings_of(&s.gather, &frame.features);
     for stage in plan.stages().filter(|stage| !within_window(*stage)) {
         if stage == SequenceStage::ReflectionMotion {
@@ -252,14 +251,15 @@ pub(crate) fn finish(
             }
             SequenceStage::Blend => {
                 let after = steady.as_ref().unwrap_or(&estimate.picture);
-                let blend = (stages.blend)(&blend_window(frames), centre, after, (&gather, &s.stabilise), &s.blend);
-                finished.alpha = blend_alpha(frame.alpha.as_ref(), finished.alpha.take(), &blend.shares);
-                (shares, finished.noise) = (Some(blend.shares), Some(blend.noise));
+                let after = (after, finished.alpha.as_ref());
+                let mut found = (stages.blend)(&blend_window(frames), centre, after, (&gather, &s.stabilise), &s.blend);
+                finished.alpha = found.alpha.take();
+                finished.noise = Some(std::mem::replace(&mut found.noise, Plane::filled(Size::new(0, 0), 0.0)));
+                blend = Some(found);
             }
             SequenceStage::Rescale => {
                 let pictures = [&estimate.picture, steady.as_ref().unwrap_or(&estimate.picture)];
-                finished.passes =
-                    (stages.rescale)(frame, &estimate.slots, &estimate.colours, pictures, shares.as_ref());
+                finished.passes = (stages.rescale)(frame, &estimate.slots, &estimate.colours, pictures, blend.as_ref());
             }
             _ => {} // of pairs of frames, or done by `estimate`
         });
@@ -284,6 +284,7 @@ fn blend_window<'a>(frames: &'a [(&PreparedFrame, &Estimate)]) -> Vec<BlendFrame
         features: &frame.features,
         input: &estimate.input,
         picture: &estimate.picture,
+        alpha: frame.alpha.as_ref(),
     };
     frames.iter().map(one).collect()
 }
@@ -341,15 +342,6 @@ pub(crate) fn blend_view(
     let (taps, inverse) = crate::stages::stabilise::joint::training_taps(&joint, &chosen);
     let candidates = [estimate.input.clone(), estimate.picture.clone(), steady];
     BlendView { number: frame.number, candidates, inputs, noise, own_noise, inverse, before, chosen, taps }
-}
-
-/// Coverage is stabilised as far as the picture is.
-fn blend_alpha(own: Option<&Plane<f32>>, steady: Option<Plane<f32>>, shares: &Plane<[f32; 3]>) -> Option<Plane<f32>> {
-    let (own, mut alpha) = (own?, steady?);
-    for ((alpha, own), shares) in alpha.data_mut().iter_mut().zip(own.data()).zip(shares.data()) {
-        *alpha = lerp(*own, *alpha, shares[2]);
-    }
-    Some(alpha)
 }
 
 fn most_samples(size: Size, moments: &Rows) -> Plane<f32> {

@@ -222,6 +222,12 @@ parameters! {
             higher "More samples always help.", lower "The stabilised picture is the result, whatever detail it lost.", source "SURE (Li et al. 2012), Rousselle et al. 2013; ours: docs/sequence.md";
         net: bool = true, (), "", "A small net trained on rendered sequences gives the shares.",
             higher "Less error.", lower "Thresholds give them: `blend.excess`, `blend.softness`.", source "ours: benchmarks/nets";
+        kernel: f32 = 1.0, 0.0..=1.0, "", "With the net: how much of what its kernels change counts; they remove the noise of edges.",
+            higher "Smooth edges.", lower "Edges are as noisy as the samples of the surfaces that meet there; 0: no kernels.", source "Bako et al. 2017; ours: docs/sequence.md";
+        kernel_noise: f32 = 0.15, 0.0..=16.0, "of the brightness", "Deviation of the noise at which half of that counts.",
+            higher "Edges stay as they are with many samples a pixel.", lower "Fine detail may go with the noise of edges.", source "ours: docs/trials.md";
+        kernel_contrast: f32 = 4.0, 1.0..=1e6, "times", "How much brighter than a pixel those around count for its kernel.",
+            higher "Lamps leak into dark pixels beside them.", lower "Edges of bright things keep their noise.", source "ours: docs/trials.md";
         excess: f32 = 0.1, 0.0..=64.0, "of the noise", "Without the net: the next more filtered picture is taken whole where its squared distance from the input exceeds the noise by less.",
             higher "Smoother, detail is lost.", lower "Noisier.", source "ours";
         softness: f32 = 0.4, 0.01..=64.0, "of the noise", "Without the net: excess over which its share falls to nothing.",

@@ -34,6 +34,7 @@ fn features(frame: &Frame<'_>) -> Features {
         camera_motion: false,
         has_seen: [false; 2],
         albedo_around: None,
+        surface_albedo: None,
         albedo: None,
         mirror_colour: None,
         pixel_angle: 0.0,

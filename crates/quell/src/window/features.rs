@@ -94,6 +94,8 @@ pub struct Features {
     pub(crate) has_seen: [bool; 2],
     /// Mean over 3x3 of that albedo, or of the surface's where that is absent: without the aliasing of mirrors and edges.
     pub(crate) albedo_around: Option<Packed>,
+    /// Tone-mapped colour of the surface, where none seen in mirrors is known.
+    pub(crate) surface_albedo: Option<Packed>,
     /// Tone-mapped colour of the surface, where a light needs it.
     pub(crate) albedo: Option<Packed>,
     /// The colour that light in mirrors and clear glass was divided by, in half precision; 1 where none is kept. `None`: nothing was
@@ -158,6 +160,7 @@ impl Features {
             seen,
             has_seen,
             albedo_around,
+            surface_albedo: own,
             albedo,
             mirror_colour: mirror_colour(frame, &settings.mirrors),
             pixel_angle,
@@ -167,6 +170,25 @@ impl Features {
     /// [`Features::albedo_around`] where it is the albedo seen in mirrors and through glass.
     pub(crate) fn seen_albedo_around(&self) -> Option<&Packed> {
         self.albedo_around.as_ref().filter(|_| self.has_seen[0])
+    }
+
+    /// Tone-mapped albedo of pixel `p` as seen in mirrors and through glass, else the surface's, else 0.
+    #[inline(always)]
+    pub(crate) fn guide_albedo(&self, p: usize) -> Rgb {
+        match (&self.seen, &self.surface_albedo) {
+            (Some(seen), _) if self.has_seen[0] => seen.at(0, p),
+            (_, Some(albedo)) => albedo.at(0, p),
+            _ => [0.0; 3],
+        }
+    }
+
+    /// Unit normal of pixel `p` as seen in mirrors and through glass, else the surface's, else 0.
+    #[inline(always)]
+    pub(crate) fn guide_normal(&self, p: usize) -> Rgb {
+        match &self.seen {
+            Some(seen) if self.has_seen[1] => seen.at(1, p),
+            _ => self.surface[p].normal,
+        }
     }
 
     /// [`Self::is_mirror`] of every pixel, a bit each: for loops that ask often. Empty where no pixel is one.

@@ -120,7 +120,8 @@ fn visit(frame: &mut PreparedFrame, v: &mut impl Visitor) -> io::Result<()> {
         v.elements(&mut all, 1)?;
         *colour = Sparse::new(all.len(), |p| all[p], |_| WHITE);
     }
-    for image in [&mut features.seen, &mut features.albedo_around, &mut features.albedo] {
+    let images = [&mut features.seen, &mut features.albedo_around, &mut features.surface_albedo, &mut features.albedo];
+    for image in images {
         image.as_mut().map_or(Ok(()), |image| packed(image, v))?;
     }
     let m = &mut features.motion;

@@ -2,17 +2,17 @@
 //! row at once.
 
 use super::{
-    Blend, BlendFrame, DIRECTIONS, FRAMES, HIGH_PASS, INPUTS, LEAST, LEAST_BRIGHTNESS, LEAST_SEEN, MOST_CHANGE,
-    MOST_RATIO, NEAR, NOISE_NEAR, NOISE_WIDE, Pooled, READ, SECOND_DIFFERENCE, WIDE, by_thresholds, drawn_back, follow,
-    net, shares,
-};
-use super::{
+    ALONG, Blend, BlendFrame, DIRECTIONS, FRAMES, GUIDES, HIGH_PASS, INPUTS, LEAST, LEAST_BRIGHTNESS, LEAST_SEEN,
+    MOST_CHANGE, MOST_RATIO, NEAR, NOISE_NEAR, NOISE_WIDE, Pooled, READ, SECOND_DIFFERENCE, Steady, WIDE,
+    by_thresholds, drawn_back, follow, guides,
+    kernel::{self, RADIUS},
+    net,
     outlier::{Limits, believed},
-    without_outlier,
+    shares, without_outlier,
 };
 use crate::frame::Rgb;
 use crate::kernels::lanes::{BLOCK, load, load_within, log2, store};
-use crate::kernels::math::three;
+use crate::kernels::math::{lerp, three};
 use crate::par;
 use crate::plane::{Plane, Size};
 use crate::sequence::settings::{Blend as Settings, Gather, Stabilise};
@@ -96,32 +96,37 @@ impl Band {
 pub(crate) fn run(
     window: &[BlendFrame<'_>],
     centre: usize,
-    steady: &Plane<Rgb>,
+    (steady, steady_alpha): Steady<'_>,
     (gather, stabilise): (&Gather, &Stabilise),
     s: &Settings,
 ) -> Blend {
     let here = &window[centre];
     let size = here.input.size();
     let (w, h) = (size.width, size.height);
+    let mut said = None;
     let mut shares_of = Plane::filled(size, [0.0; 3]);
     let mut expected = Plane::filled(size, 0.0);
     let mut known = Plane::filled(size, Known::default());
     if s.net {
-        let said = net().run(size, here.features.first_row, |rows| {
+        let found = net().run(size, here.features.first_row, |rows| {
             let noise = PictureNoise::new(window, centre, steady, (gather, stabilise.nearer), rows.clone());
             let known = &mut known.data_mut()[rows.start * w..rows.end * w];
             par::rows(known, w, |y, known| {
                 dispatch!(crate::simd::level(), simd => noise.known_row(simd, rows.start + y, s, known));
             });
+            let around = mean_depth(here.features, &rows);
             let mut read = Rows::new(Size::new(w, rows.len()), READ);
             par::rows(read.data_mut(), READ * w, |y, out| {
-                dispatch!(crate::simd::level(), simd => read_row(simd, &noise, (here, steady), rows.start + y, out));
+                let y = rows.start + y;
+                dispatch!(crate::simd::level(), simd => read_row(simd, &noise, (here, steady), y, out));
+                guides_row(here.features, around.row(y, 0), y, &mut out[(READ - GUIDES) * w..]);
             });
             read
         });
         par::two_rows(shares_of.data_mut(), w, expected.data_mut(), w, |y, shares_of, expected| {
-            widest!(shares_row(&said, known.row(y), y, s, shares_of, expected));
+            widest!(shares_row(&found, known.row(y), y, s, shares_of, expected));
         });
+        said = Some(found);
     } else {
         for rows in bands(h) {
             let noise = PictureNoise::new(window, centre, steady, (gather, stabilise.nearer), rows.clone());
@@ -157,7 +162,112 @@ pub(crate) fn run(
         }
     });
     let noise = par::plane(size, |x, y| expected.at(x, y).sqrt() / known.at(x, y).inverse);
-    Blend { shares: shares_of, noise }
+    let mut alpha = here
+        .alpha
+        .zip(steady_alpha)
+        .map(|(own, steady)| par::plane(size, |x, y| lerp(own.at(x, y), steady.at(x, y), shares_of.at(x, y)[2])));
+    let gain = said.filter(|_| s.kernel > 0.0).map(|said| {
+        let mixture = par::plane(size, |x, y| {
+            let [a, b, c] = shares_of.at(x, y);
+            let (i, p, s) = (here.input.at(x, y), here.picture.at(x, y), steady.at(x, y));
+            three(|k| a * i[k] + b * p[k] + c * s[k])
+        });
+        filtered(&mixture, &mut alpha, &said, &known, s)
+    });
+    Blend { shares: shares_of, gain, alpha, noise }
+}
+
+/// What the kernels multiply the mixture by; the coverage becomes what they make of it.
+fn filtered(
+    mixture: &Plane<Rgb>,
+    alpha: &mut Option<Plane<f32>>,
+    said: &Rows,
+    known: &Plane<Known>,
+    s: &Settings,
+) -> Plane<Rgb> {
+    let size = mixture.size();
+    let (w, h) = (size.width, size.height);
+    // What is added to the mixture, and to the coverage.
+    let mut change = Plane::filled(size, [0.0; 4]);
+    par::rows(change.data_mut(), w, |y, out| {
+        widest!(change_row((mixture, alpha.as_ref()), said, y, s, out));
+    });
+    let squared = Band::filled(&(0..h), w, 1, |y, row| {
+        for ((value, change), known) in row.iter_mut().zip(change.row(y)).zip(known.row(y)) {
+            *value = (0..3).map(|c| change[c] * known.inverse).map(|d| d * d).sum();
+        }
+    });
+    let difference = pool(&squared, &[0], NOISE_NEAR, &(0..h), h);
+    par::rows(change.data_mut(), w, |y, row| {
+        for ((change, known), difference) in row.iter_mut().zip(known.row(y)).zip(difference.row(y, 0)) {
+            let kept = kernel::kept(*difference, known.noise, known.least_noise, s);
+            // What is no number is kept by nobody.
+            *change = if kept > 0.0 { change.map(|v| v * kept) } else { [0.0; 4] };
+        }
+    });
+    if let Some(alpha) = alpha {
+        for (alpha, change) in alpha.data_mut().iter_mut().zip(change.data()) {
+            *alpha += change[3];
+        }
+    }
+    par::plane(size, |x, y| {
+        let [r, g, b, _] = change.at(x, y);
+        kernel::gain(mixture.at(x, y), [r, g, b])
+    })
+}
+
+/// What the kernels of a row change.
+#[inline(always)]
+fn change_row(
+    (mixture, alpha): (&Plane<Rgb>, Option<&Plane<f32>>),
+    said: &Rows,
+    y: usize,
+    s: &Settings,
+    out: &mut [[f32; 4]],
+) {
+    let (w, h) = (mixture.size().width, mixture.size().height);
+    // Beyond the border the border counts.
+    let lines: [_; 2 * RADIUS + 1] = std::array::from_fn(|dy| (y + dy).saturating_sub(RADIUS).min(h - 1));
+    for (x, out) in out.iter_mut().enumerate() {
+        let weights = kernel::weights(std::array::from_fn(|k| said.at(x, y, 4 + k)));
+        let own = mixture.at(x, y);
+        let brightness = kernel::brightness(own);
+        let own_alpha = alpha.map_or(0.0, |alpha| alpha.at(x, y));
+        *out = [0.0; 4];
+        for (line, weights) in lines.iter().zip(weights.as_chunks::<{ 2 * RADIUS + 1 }>().0) {
+            for (dx, weight) in weights.iter().enumerate() {
+                let x = (x + dx).saturating_sub(RADIUS).min(w - 1);
+                let other = kernel::limited(mixture.at(x, *line), brightness, s);
+                for c in 0..3 {
+                    out[c] += weight * (other[c] - own[c]);
+                }
+                if let Some(alpha) = alpha {
+                    out[3] += weight * (alpha.at(x, *line) - own_alpha);
+                }
+            }
+        }
+    }
+}
+
+/// The mean over 5x5 of 1 / depth.
+fn mean_depth(features: &Features, rows: &Range<usize>) -> Band {
+    let (w, h) = (features.size.width, features.size.height);
+    let depth = Band::filled(&around(rows, NOISE_NEAR, h), w, 1, |y, out| {
+        for (out, surface) in out.iter_mut().zip(&features.surface[y * w..][..w]) {
+            *out = surface.inverse_depth;
+        }
+    });
+    pool(&depth, &[0], NOISE_NEAR, rows, h)
+}
+
+/// Feature buffers of a row: [`guides`].
+fn guides_row(features: &Features, around: &[f32], y: usize, out: &mut [f32]) {
+    let w = around.len();
+    for (x, around) in around.iter().enumerate() {
+        for (c, value) in guides(features, y * w + x, *around).into_iter().enumerate() {
+            out[c * w + x] = value;
+        }
+    }
 }
 
 /// What is kept of a pixel's statistics until the net has spoken.
@@ -179,10 +289,13 @@ pub(crate) fn read_by_net(
     (gather, stabilise): (&Gather, &Stabilise),
 ) -> Plane<super::Read> {
     let here = &window[centre];
-    let noise = PictureNoise::new(window, centre, steady, (gather, stabilise.nearer), 0..here.input.size().height);
-    Plane::from_fn(here.input.size(), |x, y| {
+    let size = here.input.size();
+    let noise = PictureNoise::new(window, centre, steady, (gather, stabilise.nearer), 0..size.height);
+    let around = mean_depth(here.features, &(0..size.height));
+    Plane::from_fn(size, |x, y| {
         let (pooled, inverse) = noise.at(x, y);
-        super::read(&pooled, [here.input.at(x, y), here.picture.at(x, y), steady.at(x, y)], inverse)
+        let candidates = [here.input.at(x, y), here.picture.at(x, y), steady.at(x, y)];
+        super::read(&pooled, candidates, inverse, (here.features, y * size.width + x, around.at(x, y, 0)))
     })
 }
 
@@ -630,6 +743,13 @@ impl<S: Simd> PooledLanes<S> {
         noise.min_precise(input).max_precise(f32x16::splat(simd, LEAST))
     }
 
+    /// [`Pooled::along_edges`].
+    #[inline(always)]
+    fn along_edges(&self, simd: S) -> [f32x16<S>; ALONG] {
+        let of_noise = log2(simd, self.noise(simd, 1));
+        [ratio(simd, self.along[0], of_noise), ratio(simd, self.along[1], of_noise)]
+    }
+
     /// [`Pooled::inputs`].
     #[inline(always)]
     pub(crate) fn inputs(&self, simd: S) -> [f32x16<S>; INPUTS] {
@@ -669,7 +789,7 @@ fn ratio<S: Simd>(simd: S, v: f32x16<S>, of_noise: f32x16<S>) -> f32x16<S> {
     found.max(-most).min(most)
 }
 
-/// A row of what the net reads: [`read`](super::read).
+/// A row of what the net reads but for feature buffers: [`read`](super::read).
 #[inline(always)]
 fn read_row<S: Simd>(
     simd: S,
@@ -696,6 +816,10 @@ fn read_row<S: Simd>(
         let inputs = pooled.inputs(simd);
         for c in 0..INPUTS {
             store(inputs[c], &mut out[(9 + c) * w..][..w], x);
+        }
+        let along = pooled.along_edges(simd);
+        for c in 0..ALONG {
+            store(along[c], &mut out[(9 + INPUTS + c) * w..][..w], x);
         }
     }
 }

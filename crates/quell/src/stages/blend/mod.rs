@@ -1,13 +1,13 @@
 //! Sequence filter: of the input, the wavelet's picture and the stabilised one, the mixture that is expected to lie nearest to
-//! the light.
+//! the light; then of that mixture a weighted mean over the pixels around, which removes what noise is left at edges.
 //!
 //! | | |
 //! |---|---|
-//! | reads | the input, the wavelet's picture and the stabilised one of a frame; input and wavelet's picture of its neighbours, their depth, normals and motion |
-//! | writes | the share of each of the three at every pixel; the expected error of the mixture |
-//! | reach | 30 pixels: 20 of the net; windows of 5x5, in them windows of 11x11 of differences over 3x3, relative to means over 5x5; neighbours in time are those of `stabilise` |
-//! | equation | share_k = g(z_k) / sum g(z), g(z) = ((z + sqrt(z^2 + 4)) / 2)^2, z = 6 y / (6 + \|y\|), y = net([`Read`]) |
-//! | source | choice between filtered candidates by estimated error: SURE (Li et al. 2012), Rousselle et al. 2013; by a small convolutional net (`kernels/conv.rs`) on pooled statistics: ours, `docs/sequence.md` |
+//! | reads | the input, the wavelet's picture and the stabilised one of a frame; its albedo, normals and depth; input and wavelet's picture of its neighbours, their depth, normals and motion |
+//! | writes | the share of each of the three at every pixel; what the kernel multiplies the mixture by; the coverage; the expected error |
+//! | reach | 35 pixels: 5 of the kernel and the two guards; 20 of the net; windows of 5x5, in them windows of 11x11 of differences over 3x3, relative to means over 5x5; neighbours in time are those of `stabilise` |
+//! | equation | share_k = g(z_k) / sum g(z), g(z) = ((z + sqrt(z^2 + 4)) / 2)^2, z = 6 y / (6 + \|y\|), y = net([`Read`]); kernel: softmax of the net's other outputs |
+//! | source | choice between filtered candidates by estimated error: SURE (Li et al. 2012), Rousselle et al. 2013; by a small convolutional net (`kernels/conv.rs`) on pooled statistics: ours, `docs/sequence.md`; kernels predicted by a net: Bako et al. 2017 |
 //! | parameters | `blend.*` |
 //!
 //! No other stage asks what its average is worth against what it started from. Here the input itself judges: the differences of
@@ -24,9 +24,13 @@
 //! that the wavelet did not remove is not in what it removed.
 //!
 //! Of an outlier of the input (`outlier.rs`) the stabilised picture takes all shares.
+//!
+//! Where a pixel shows two surfaces, how much of each is chance: few samples decide. No candidate is rid of that noise, for no neighbour
+//! shows the same mixture. Along the edge it averages out: the net gives each pixel a kernel (`kernel.rs`).
 
 #[cfg(feature = "cpu")]
 pub(crate) mod cpu;
+pub(crate) mod kernel;
 pub(crate) mod outlier;
 pub mod reference;
 
@@ -47,13 +51,22 @@ pub struct BlendFrame<'a> {
     pub input: &'a Plane<Rgb>,
     /// The wavelet's picture.
     pub picture: &'a Plane<Rgb>,
+    /// The coverage as it came. `None`: the picture is opaque.
+    pub alpha: Option<&'a Plane<f32>>,
 }
+
+/// The stabilised picture and its coverage.
+pub type Steady<'a> = (&'a Plane<Rgb>, Option<&'a Plane<f32>>);
 
 /// What the stage makes.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Blend {
     /// Shares of the input, the wavelet's picture and the stabilised one; they add up to 1.
     pub shares: Plane<[f32; 3]>,
+    /// What the kernel multiplies the mixture by, channel by channel. `None`: no kernel was asked for.
+    pub gain: Option<Plane<Rgb>>,
+    /// The coverage, mixed and filtered as the picture is.
+    pub alpha: Option<Plane<f32>>,
     /// Expected error of the mixture that the net wants (not of what `blend.strength` makes of it): root mean square over the
     /// channels, in units of the picture.
     pub noise: Plane<f32>,
@@ -97,9 +110,9 @@ pub(crate) fn statistics_reach() -> usize {
     NOISE_NEAR + NOISE_WIDE + 1 + NOISE_NEAR
 }
 
-/// How far the stage looks: its net at statistics. Frames around are those that `stabilise` holds.
+/// How far the stage looks: its net at statistics, around them both guards and the kernel. Frames around are those that `stabilise` holds.
 pub(crate) fn reach() -> Reach {
-    Reach::around(conv::REACH + statistics_reach())
+    Reach::around(conv::REACH + statistics_reach() + 2 * NOISE_NEAR + kernel::RADIUS)
 }
 
 /// The pixel of `to` that shows what pixel `q` of `from` shows, `at` being its place, which is moved along. `None`: it is lost.
@@ -213,17 +226,36 @@ impl Pooled {
         out[16] = f32::from(u8::from(self.silhouette));
         out
     }
+
+    /// Second differences along edges, as [`Self::inputs`].
+    #[inline(always)]
+    pub(crate) fn along_edges(&self) -> [f32; ALONG] {
+        let of_noise = log2(self.noise(1));
+        self.along.map(|v| (log2(v.max(LEAST)) - of_noise).clamp(-MOST_RATIO, MOST_RATIO))
+    }
 }
 
+/// Second differences along edges, as [`INPUTS`]: of the input, and of input less wavelet.
+const ALONG: usize = 2;
+
+/// Feature buffers that the net reads, three numbers each but the last: tone-mapped albedo and unit normal, as seen in mirrors and through
+/// glass where frames have that, and how 1 / depth differs from its mean over 5x5, relative to the sum of both. 0: unknown.
+const GUIDES: usize = 7;
+
 /// What the net of `blend` reads of a pixel: colours of the three candidates, v / (1 + |v|) of each channel over the brightness, then
-/// [`Inputs`].
-pub const READ: usize = 9 + INPUTS;
+/// [`INPUTS`], then second differences along edges, then feature buffers.
+pub const READ: usize = 9 + INPUTS + ALONG + GUIDES;
 /// See [`READ`].
 pub type Read = [f32; READ];
 
-/// What the net reads.
+/// What the net reads. `around`: the mean over 5x5 of 1 / depth.
 #[inline(always)]
-pub(crate) fn read(pooled: &Pooled, candidates: [Rgb; 3], inverse: f32) -> Read {
+pub(crate) fn read(
+    pooled: &Pooled,
+    candidates: [Rgb; 3],
+    inverse: f32,
+    (features, p, around): (&Features, usize, f32),
+) -> Read {
     let mut out = [0.0; READ];
     for (k, colour) in candidates.iter().enumerate() {
         for (c, value) in colour.iter().enumerate() {
@@ -231,14 +263,27 @@ pub(crate) fn read(pooled: &Pooled, candidates: [Rgb; 3], inverse: f32) -> Read 
             out[3 * k + c] = v / (1.0 + v.abs());
         }
     }
-    out[9..].copy_from_slice(&pooled.inputs());
+    out[9..][..INPUTS].copy_from_slice(&pooled.inputs());
+    out[9 + INPUTS..][..ALONG].copy_from_slice(&pooled.along_edges());
+    out[9 + INPUTS + ALONG..].copy_from_slice(&guides(features, p, around));
     out
+}
+
+/// Feature buffers of pixel `p`: see [`GUIDES`].
+#[inline(always)]
+pub(crate) fn guides(features: &Features, p: usize, around: f32) -> [f32; GUIDES] {
+    let surface = &features.surface[p];
+    let [r, g, b] = features.guide_albedo(p);
+    let [x, y, z] = features.guide_normal(p);
+    let both = surface.inverse_depth + around;
+    [r, g, b, x, y, z, if both > 0.0 { (surface.inverse_depth - around) / both } else { 0.0 }]
 }
 
 /// Channels of the net at full size, half and a quarter.
 const WIDTHS: [usize; 3] = [16, 32, 32];
-/// What the net gives: a number for each candidate, and `log2` of the expected squared error over the input's noise.
-const OUTPUTS: usize = 4;
+/// What the net gives: a number for each candidate, `log2` of the expected squared error over the input's noise, and a number for each pixel
+/// of the kernel.
+const OUTPUTS: usize = 4 + kernel::TAPS;
 /// The numbers of candidates are between this and its negative: no candidate is lost from sight in training.
 const MOST_NUMBER: f32 = 6.0;
 
@@ -254,7 +299,7 @@ pub(crate) fn net() -> &'static ConvNet {
 
 /// Shares of the candidates by what the net says; and the expected squared error over the input's noise.
 #[inline(always)]
-pub(crate) fn shares(said: [f32; OUTPUTS], strength: f32) -> ([f32; 3], f32) {
+pub(crate) fn shares(said: [f32; 4], strength: f32) -> ([f32; 3], f32) {
     let g = |y: f32| {
         let z = MOST_NUMBER * y / (MOST_NUMBER + y.abs());
         let half = 0.5 * (z + (z * z + 4.0).sqrt());

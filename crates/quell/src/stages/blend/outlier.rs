@@ -124,8 +124,10 @@ mod tests {
         frame.motion_to_next = moves.map(|m| Plane::filled(SIZE, m.map(|v| -v)));
         let settings = SequenceSettings::default();
         let features = Features::new(&frame, &settings);
-        let frames: Vec<_> =
-            planes.iter().map(|plane| BlendFrame { features: &features, input: plane, picture: plane }).collect();
+        let frames: Vec<_> = planes
+            .iter()
+            .map(|plane| BlendFrame { features: &features, input: plane, picture: plane, alpha: None })
+            .collect();
         believed((&frames, 1), |frame| frame.input, at, &settings.gather, LIMITS)
     }
 

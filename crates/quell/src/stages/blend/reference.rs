@@ -2,20 +2,23 @@
 
 use super::{
     Blend, BlendFrame, DIRECTIONS, FRAMES, HIGH_PASS, LEAST_BRIGHTNESS, MOST_CHANGE, NEAR, NOISE_NEAR, NOISE_WIDE,
-    Pooled, Read, SECOND_DIFFERENCE, WIDE, by_thresholds, drawn_back, follow, net,
+    OUTPUTS, Pooled, Read, SECOND_DIFFERENCE, Steady, WIDE, by_thresholds, drawn_back, follow,
+    kernel::{self, RADIUS},
+    net,
     outlier::{Limits, believed},
     read, shares, silhouette, without_outlier,
 };
 use crate::frame::Rgb;
 use crate::kernels::conv::{ConvNet, GRID, LEAK, MOST_INPUT};
+use crate::kernels::math::lerp;
 use crate::plane::{Plane, Size};
 use crate::sequence::settings::{Blend as Settings, Gather, Stabilise};
 
-/// Shares of input, wavelet's picture and `steady`, the stabilised one, of `window[centre]`, on the whole image.
+/// Shares of input, wavelet's picture and the stabilised one, of `window[centre]`, and what the kernels change, on the whole image.
 pub fn run(
     window: &[BlendFrame<'_>],
     centre: usize,
-    steady: &Plane<Rgb>,
+    (steady, steady_alpha): Steady<'_>,
     (gather, stabilise): (&Gather, &Stabilise),
     s: &Settings,
 ) -> Blend {
@@ -31,11 +34,16 @@ pub fn run(
     let squared = |v: [f64; 3]| v.iter().map(|v| v * v).sum::<f64>();
     let read = |x: usize, y: usize| {
         let candidates = [here.input.at(x, y), here.picture.at(x, y), steady.at(x, y)];
-        read(&pooled.at(x, y), candidates, (1.0 / brightness.at(x, y)) as f32)
+        let depth = |x: usize, y: usize| f64::from(here.features.surface[y * w + x].inverse_depth);
+        let around = mean(w, h, (x, y), NOISE_NEAR, depth) as f32;
+        read(&pooled.at(x, y), candidates, (1.0 / brightness.at(x, y)) as f32, (here.features, y * w + x, around))
     };
     let said = s.net.then(|| judged(net(), size, here.features.first_row, &read));
     let wanted = Plane::from_fn(size, |x, y| match &said {
-        Some(said) => shares(said.at(x, y), s.strength),
+        Some(said) => {
+            let [first, second, third, error, ..] = said.at(x, y);
+            shares([first, second, third, error], s.strength)
+        }
         None => by_thresholds(&pooled.at(x, y), s),
     });
     let moved = |x: usize, y: usize| {
@@ -59,11 +67,51 @@ pub fn run(
         let expected = wanted.at(x, y).1 * pooled.at(x, y).noise(1) / 3.0;
         (f64::from(expected).sqrt() * brightness.at(x, y)) as f32
     });
-    Blend { shares, noise }
+    let alpha = here
+        .alpha
+        .zip(steady_alpha)
+        .map(|(own, steady)| Plane::from_fn(size, |x, y| lerp(own.at(x, y), steady.at(x, y), shares.at(x, y)[2])));
+    let Some(said) = said.filter(|_| s.kernel > 0.0) else { return Blend { shares, gain: None, alpha, noise } };
+    let mixture = Plane::from_fn(size, |x, y| {
+        let of = [here.input.at(x, y), here.picture.at(x, y), steady.at(x, y)];
+        [0, 1, 2].map(|c| (0..3).map(|k| f64::from(shares.at(x, y)[k]) * f64::from(of[k][c])).sum::<f64>())
+    });
+    let change = |x: usize, y: usize, of: &dyn Fn(usize, usize) -> f64| -> f64 {
+        let place = |v: usize, d: usize, extent: usize| (v + d).saturating_sub(RADIUS).min(extent - 1);
+        let [_, _, _, _, taps @ ..] = said.at(x, y);
+        let taps = kernel::weights(taps).into_iter().enumerate();
+        let side = 2 * RADIUS + 1;
+        taps.map(|(k, v)| f64::from(v) * (of(place(x, k % side, w), place(y, k / side, h)) - of(x, y))).sum()
+    };
+    let single = |x: usize, y: usize| mixture.at(x, y).map(|v| v as f32);
+    let changed = Plane::from_fn(size, |x, y| {
+        let own = kernel::brightness(single(x, y));
+        let limited = |x: usize, y: usize, c: usize| f64::from(kernel::limited(single(x, y), own, s)[c]);
+        [0, 1, 2].map(|c| change(x, y, &|x, y| limited(x, y, c)))
+    });
+    let kept = Plane::from_fn(size, |x, y| {
+        let relative = |x: usize, y: usize| squared(changed.at(x, y).map(|d| d / brightness.at(x, y)));
+        let difference = mean(w, h, (x, y), NOISE_NEAR, relative) as f32;
+        let pooled = pooled.at(x, y);
+        kernel::kept(difference, pooled.noise(1), pooled.least_noise(s), s)
+    });
+    let gain = Plane::from_fn(size, |x, y| {
+        let kept = kept.at(x, y);
+        let change = changed.at(x, y).map(|v| if kept > 0.0 { v as f32 * kept } else { 0.0 });
+        kernel::gain(mixture.at(x, y).map(|v| v as f32), change)
+    });
+    let alpha = alpha.map(|alpha| {
+        let change = |x: usize, y: usize| change(x, y, &|x, y| f64::from(alpha.at(x, y))) as f32;
+        Plane::from_fn(size, |x, y| {
+            let kept = kept.at(x, y);
+            alpha.at(x, y) + if kept > 0.0 { kept * change(x, y) } else { 0.0 }
+        })
+    });
+    Blend { shares, gain: Some(gain), alpha, noise }
 }
 
 /// What the net says of every pixel: the whole net in double precision, layer by layer.
-fn judged(net: &ConvNet, size: Size, first_row: usize, read: &dyn Fn(usize, usize) -> Read) -> Plane<[f32; 4]> {
+fn judged(net: &ConvNet, size: Size, first_row: usize, read: &dyn Fn(usize, usize) -> Read) -> Plane<[f32; OUTPUTS]> {
     let above = first_row % GRID;
     let padded = Size::new(size.width.next_multiple_of(GRID), (above + size.height).next_multiple_of(GRID));
     let inside = |x: usize, y: usize| (x.min(size.width - 1), y.saturating_sub(above).min(size.height - 1));
@@ -124,7 +172,7 @@ fn judged(net: &ConvNet, size: Size, first_row: usize, read: &dyn Fn(usize, usiz
     let c = layer(&layer(&c, quarter, 3), quarter, 4);
     let d = layer(&beside(&b, &c, half), half, 5);
     let out = layer(&layer(&beside(&a, &d, padded), padded, 6), padded, 7);
-    Plane::from_fn(size, |x, y| [0, 1, 2, 3].map(|k| out[(above + y) * padded.width + x][k] as f32))
+    Plane::from_fn(size, |x, y| std::array::from_fn(|k| out[(above + y) * padded.width + x][k] as f32))
 }
 
 /// What is known of the noise at every pixel, and the brightness that it is relative to.

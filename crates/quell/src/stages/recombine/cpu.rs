@@ -5,6 +5,7 @@ use crate::frame::Rgb;
 use crate::par;
 use crate::plane::Plane;
 use crate::simd::widest;
+use crate::stages::blend::Blend;
 use crate::window::{LightSlot, PreparedFrame, Rows, Samples};
 
 /// As [`super::reference::sum`].
@@ -91,24 +92,27 @@ fn take_raw(frame: &PreparedFrame, slot: &LightSlot, k: usize, first: usize, out
     }
 }
 
+/// Of a pixel the input's share, three gains of the filtered colour, three gains of the whole.
+const SCALES: usize = 7;
+
 /// As [`super::reference::rescale`].
 pub(crate) fn rescale(
     frame: &PreparedFrame,
     slots: &[LightSlot],
     colours: &Rows,
     [before, after]: [&Plane<Rgb>; 2],
-    shares: Option<&Plane<[f32; 3]>>,
+    blend: Option<&Blend>,
 ) -> Vec<Vec<Plane<Rgb>>> {
     let (size, width) = (frame.features.size, frame.features.size.width);
-    // The input's share and the three gains of a pixel.
-    let mut scales = Rows::new(size, 4);
-    par::rows(scales.data_mut(), (4 * width).max(1), |y, out| {
+    // Of a pixel the input's share, the three gains of the filtered colour, and those of the whole.
+    let mut scales = Rows::new(size, SCALES);
+    par::rows(scales.data_mut(), (SCALES * width).max(1), |y, out| {
         for x in 0..width {
-            let share = shares.map_or([0.0, 0.0, 1.0], |shares| shares.at(x, y));
-            let (own, gain) = factors(before.at(x, y), after.at(x, y), share);
+            let (own, gain, whole) = factors(before.at(x, y), after.at(x, y), blend, (x, y));
             out[x] = own;
             for c in 0..3 {
                 out[(1 + c) * width + x] = gain[c];
+                out[(4 + c) * width + x] = whole[c];
             }
         }
     });
@@ -116,7 +120,7 @@ pub(crate) fn rescale(
         let mut plane = Plane::filled(size, [0.0; 3]);
         par::rows(plane.data_mut(), width, |y, out| {
             let filtered = channels(colours, y, slot, k);
-            let scales = &scales.data()[scales.start(y, 0)..][..4 * width];
+            let scales = &scales.data()[scales.start(y, 0)..][..SCALES * width];
             let mut light = filtered.to_vec();
             for x in (0..width).filter(|x| scales[*x] > 0.0) {
                 let Some(raw) = raw(frame, slot, k, y * width + x) else { break };
@@ -137,16 +141,17 @@ pub(crate) fn rescale(
     frame.slots.iter().map(light).collect()
 }
 
-/// From the light as it came, three channels one after the other, to what it becomes. `scales`: of each pixel the input's share, then
-/// three gains.
+/// From the light as it came, three channels one after the other, to what it becomes. `scales`: [`SCALES`].
 #[inline(always)]
 fn mix(light: &mut [f32], filtered: &[f32], scales: &[f32]) {
     let n = light.len() / 3;
     let (own, gains) = scales.split_at(n);
+    let (gains, whole) = gains.split_at(3 * n);
     for c in 0..3 {
-        let (light, filtered, gain) = (&mut light[c * n..][..n], &filtered[c * n..][..n], &gains[c * n..][..n]);
+        let (light, filtered) = (&mut light[c * n..][..n], &filtered[c * n..][..n]);
+        let (gain, whole) = (&gains[c * n..][..n], &whole[c * n..][..n]);
         for (x, own) in own.iter().enumerate() {
-            light[x] = filtered[x] + own * (light[x] - filtered[x]) + gain[x] * filtered[x];
+            light[x] = (filtered[x] + own * (light[x] - filtered[x]) + gain[x] * filtered[x]) * whole[x];
         }
     }
 }

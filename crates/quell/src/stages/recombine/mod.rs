@@ -3,10 +3,10 @@
 //!
 //! | | |
 //! |---|---|
-//! | reads | light as it came and filtered, the colours that multiply it, the picture before and after `stabilise`, the shares of `blend` |
+//! | reads | light as it came and filtered, the colours that multiply it, the picture before and after `stabilise`, the shares and gains of `blend` |
 //! | writes | the picture, the input; the passes |
 //! | reach | none |
-//! | equation | picture = sum light * weight * mirror colour; pass' = mirror colour * (filtered + s_0 (raw - filtered) + s_2 (after / before - 1) filtered), channel by channel, s: the shares, whose sum is 1 |
+//! | equation | picture = sum light * weight * mirror colour; pass' = mirror colour * gain * (filtered + s_0 (raw - filtered) + s_2 (after / before - 1) filtered), channel by channel, s: the shares, whose sum is 1 |
 //! | source | \[S] of the paper, "multiplied back"; the scale ours: `docs/sequence.md` |
 //!
 //! One factor a pixel and channel for all passes: they add up to the blended picture as they did before. Where the picture was
@@ -18,6 +18,7 @@ pub mod reference;
 
 use crate::frame::Rgb;
 use crate::reach::Reach;
+use crate::stages::blend::Blend;
 use crate::window::{Class, Features, LightSlot, PreparedFrame, Samples, Sparse};
 
 /// A picture darker than this has no factor: 1.
@@ -50,8 +51,11 @@ pub(crate) fn raw(frame: &PreparedFrame, slot: &LightSlot, k: usize, pixel: usiz
 }
 
 /// What is added to a light's filtered colour: of its difference from the input the input's share, and of itself what the
-/// stabilised picture's scale changes. Where nothing differs the colour stays to the bit.
+/// stabilised picture's scale changes; and what the sum is multiplied by. Where nothing differs the colour stays to the bit. Without `blend`
+/// the stabilised picture is the result.
 #[inline(always)]
-pub(crate) fn factors(before: Rgb, after: Rgb, shares: [f32; 3]) -> (f32, Rgb) {
-    (shares[0], factor(before, after).map(|factor| shares[2] * (factor - 1.0)))
+pub(crate) fn factors(before: Rgb, after: Rgb, blend: Option<&Blend>, (x, y): (usize, usize)) -> (f32, Rgb, Rgb) {
+    let shares = blend.map_or([0.0, 0.0, 1.0], |blend| blend.shares.at(x, y));
+    let whole = blend.and_then(|blend| blend.gain.as_ref()).map_or([1.0; 3], |gain| gain.at(x, y));
+    (shares[0], factor(before, after).map(|factor| shares[2] * (factor - 1.0)), whole)
 }

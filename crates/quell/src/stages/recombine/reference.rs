@@ -3,6 +3,7 @@
 use super::{factors, mirror_colour, raw};
 use crate::frame::Rgb;
 use crate::plane::Plane;
+use crate::stages::blend::Blend;
 use crate::window::{LightSlot, PreparedFrame, Rows};
 
 /// The picture: the sum over the lights of the beauty. `colours`: three channels a plane, as `slots` place them.
@@ -46,7 +47,7 @@ pub fn rescale(
     slots: &[LightSlot],
     colours: &Rows,
     [before, after]: [&Plane<Rgb>; 2],
-    shares: Option<&Plane<[f32; 3]>>,
+    blend: Option<&Blend>,
 ) -> Vec<Vec<Plane<Rgb>>> {
     let size = frame.features.size;
     let mut lights: Vec<Vec<Plane<Rgb>>> =
@@ -57,10 +58,12 @@ pub fn rescale(
                 let filtered = colours.colour(p % size.width, p / size.width, 3 * (slot.first + k));
                 let unfiltered = raw(frame, slot, k, p).unwrap_or(filtered);
                 let mirror = mirror_colour(&frame.features, slot).and_then(|colour| colour.get(p)).unwrap_or([1.0; 3]);
-                let shares = shares.map_or([0.0, 0.0, 1.0], |shares| shares.data()[p]);
-                let (own, gain) = factors(before.data()[p], after.data()[p], shares);
-                *value = [0, 1, 2]
-                    .map(|c| (filtered[c] + own * (unfiltered[c] - filtered[c]) + gain[c] * filtered[c]) * mirror[c]);
+                let at = (p % size.width, p / size.width);
+                let (own, gain, whole) = factors(before.data()[p], after.data()[p], blend, at);
+                *value = [0, 1, 2].map(|c| {
+                    let mixture = filtered[c] + own * (unfiltered[c] - filtered[c]) + gain[c] * filtered[c];
+                    mixture * whole[c] * mirror[c]
+                });
             }
         }
     }

@@ -92,7 +92,7 @@ pub struct StabiliseFrame<'a> {
 
 impl<'a> From<&StabiliseFrame<'a>> for BlendFrame<'a> {
     fn from(frame: &StabiliseFrame<'a>) -> Self {
-        Self { features: frame.features, input: frame.input, picture: frame.picture }
+        Self { features: frame.features, input: frame.input, picture: frame.picture, alpha: frame.alpha }
     }
 }
 
