@@ -220,7 +220,7 @@ parameters! {
     blend: Blend {
         choose: bool = true, (), "", "The result is a mixture of input, wavelet picture and stabilised picture.",
             higher "More samples always help.", lower "The stabilised picture is the result, whatever detail it lost.", source "SURE (Li et al. 2012), Rousselle et al. 2013; ours: docs/sequence.md";
-        net: bool = true, (), "", "A small net trained on rendered sequences gives the shares.",
+        net: bool = true, (), "", "A small net trained on rendered sequences gives the shares and the kernels.",
             higher "Less error.", lower "Thresholds give them: `blend.excess`, `blend.softness`.", source "ours: benchmarks/nets";
         kernel: f32 = 1.0, 0.0..=1.0, "", "With the net: how much of what its kernels change counts; they remove the noise of edges.",
             higher "Smooth edges.", lower "Edges are as noisy as the samples of the surfaces that meet there; 0: no kernels.", source "Bako et al. 2017; ours: docs/sequence.md";
