@@ -196,6 +196,15 @@ def begin_with(net, path, read, outputs):
             value[tuple(slice(n) for n in shape)] = part.view(shape)
 
 
+def given(net, read, outputs):
+    """1 for each weight that `begin_with` takes from a file, 0 for the others."""
+    marks = [torch.ones_like(p) for p in net.parameters()]
+    marks[0][:, read:] = 0
+    marks[-2][outputs:] = 0
+    marks[-1][outputs:] = 0
+    return marks
+
+
 def write(net, path):
     np.concatenate([v.detach().numpy().ravel() for v in values(net)]).astype("<f2").tofile(path)
 
@@ -213,6 +222,7 @@ def main():
     ap.add_argument("--rate", type=float, default=2e-3)
     ap.add_argument("--steps", type=int, default=3000)
     ap.add_argument("--decay", type=float, default=0.1, help="of the weights")
+    ap.add_argument("--near", type=float, default=0.0, help="of the distance from the weights that --begin gave, in place of 0")
     ap.add_argument("--batch", type=int, default=6)
     ap.add_argument("--tile", type=int, default=56, help="pixels, of which 4 at each border do not count; 8 more than a multiple of 16")
     ap.add_argument("--flicker", type=float, default=3.0, help="weight of the error of the logarithm")
@@ -240,6 +250,7 @@ def main():
         begin_with(net, a.begin, a.begin_read, a.begin_outputs)
     optimiser = torch.optim.AdamW(net.parameters(), a.rate, weight_decay=a.decay)
     schedule = torch.optim.lr_scheduler.OneCycleLR(optimiser, a.rate, a.steps, pct_start=0.1)
+    begun = [(p, p.detach().clone(), known) for p, known in zip(net.parameters(), given(net, a.begin_read, a.begin_outputs))]
     # The weights that come out are means over the last steps: single ones sway from scene to scene.
     mean = torch.optim.swa_utils.AveragedModel(net, multi_avg_fn=torch.optim.swa_utils.get_ema_multi_avg_fn(0.995))
     begin, smooth = time.time(), 0.0
@@ -260,6 +271,9 @@ def main():
         nn.utils.clip_grad_norm_(net.parameters(), 1.0)
         optimiser.step()
         schedule.step()
+        with torch.no_grad():
+            for value, start, known in begun if a.near else ():
+                value -= known * optimiser.param_groups[0]["lr"] * a.near * (value - start)
         mean.update_parameters(net)
         smooth = 0.98 * smooth + 0.02 * float(total.detach())
         if step % 250 == 0:
