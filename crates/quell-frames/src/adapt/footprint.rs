@@ -39,7 +39,7 @@ impl Footprint {
     /// of some rows statistics and what it reads.
     pub fn at_work(&self, rows: f64) -> f64 {
         let part = |some: f64| (some / rows.max(1.0)).min(1.0);
-        (28.0 * self.lights + 80.0 + 16.0 * self.lights * part(128.0)).max(180.0 + 220.0 * part(150.0))
+        (28.0 * self.lights + 80.0 + 16.0 * self.lights * part(128.0)).max(216.0 + 260.0 * part(150.0))
     }
 
     /// As it comes out of the filter, with its expected error.

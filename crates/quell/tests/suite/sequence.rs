@@ -116,19 +116,23 @@ fn energy_is_kept() {
     assert!((filtered / noisy - 1.0).abs() < 0.03, "{filtered} of {noisy}");
 }
 
+/// `stabilise` and the kernels of `blend` scale all passes alike, noise-free ones too, so that they add up; without both these are untouched.
 #[test]
 fn joint_planes_add_up_and_noise_free_light_is_untouched() {
-    let out = run(&settings(&[("stabilise.frames", "0")]), (0..4).map(frame));
-    for f in &out {
-        for i in 0..SIZE.pixels() {
-            let planes = &f.lights[0].planes;
-            for c in 0..3 {
-                let (whole, parts) = (planes[0].data()[i][c], planes[1].data()[i][c] + planes[2].data()[i][c]);
-                // Half precision in the window rounds each by up to 2^-11 of itself.
-                assert!((whole - parts).abs() <= 5e-4 * whole.abs() + 1e-6, "{whole} {parts}");
+    let off = [("stabilise.frames", "0"), ("blend.kernel", "0")];
+    for (set, untouched) in [(&off[..], true), (&off[..1], false), (&[], false)] {
+        let out = run(&settings(set), (0..4).map(frame));
+        for f in &out {
+            for i in 0..SIZE.pixels() {
+                let planes = &f.lights[0].planes;
+                for c in 0..3 {
+                    let (whole, parts) = (planes[0].data()[i][c], planes[1].data()[i][c] + planes[2].data()[i][c]);
+                    // Half precision in the window rounds each by up to 2^-11 of itself.
+                    assert!((whole - parts).abs() <= 5e-4 * whole.abs() + 1e-6, "{whole} {parts}");
+                }
             }
+            assert_eq!(f.lights[2].planes[0] == frame(f.number).lights[2].light, untouched, "{set:?}");
         }
-        assert_eq!(f.lights[2].planes[0], frame(f.number).lights[2].light);
     }
 }
 
