@@ -55,11 +55,8 @@ pub fn pack_guides(guides: &Guides, storage: Storage) -> GuideTexels {
 
 fn pack_row(guides: &Guides, y: usize, storage: Storage) -> GuideTexels {
     let bytes = |texel: Texel| Vec::with_capacity(guides.size.width * texel.bytes(storage) as usize);
-    let mut out = GuideTexels {
-        geometry: bytes(Texel::Geometry),
-        surface: bytes(Texel::Surface),
-        moving: bytes(Texel::Moving),
-    };
+    let mut out =
+        GuideTexels { geometry: bytes(Texel::Geometry), surface: bytes(Texel::Surface), moving: bytes(Texel::Moving) };
     for x in 0..guides.size.width {
         let depth = guides.depth.at(x, y);
         let motion = Vec2::from(guides.motion.at(x, y));
