@@ -51,7 +51,7 @@ fn camera(size: Size, index: i64) -> Camera {
     Camera::perspective(eye, [0.0, 0.0, -1.0], [0.0, 1.0, 0.0], FOV, size.width as f32 / size.height as f32)
 }
 
-/// New noise and the cameras for the frame's number.
+/// The cameras for the frame's number; with `noise` new light, too.
 pub fn renew(frame: &mut FrameBuf, noise: bool) {
     frame.camera = camera(frame.size, frame.index);
     frame.previous_camera = camera(frame.size, frame.index - 1);
