@@ -22,8 +22,24 @@ const LEAST_COMPARED: usize = 3;
 /// What one stage takes of a frame.
 struct Taken {
     name: &'static str,
-    /// Processor seconds.
     seconds: f64,
+}
+
+/// What the stages take on so many threads.
+struct Column {
+    threads: usize,
+    /// Processor seconds.
+    processor: Vec<Taken>,
+    /// Seconds by the clock.
+    clock: Vec<Taken>,
+}
+
+fn of(taken: &[Taken], name: &str) -> f64 {
+    taken.iter().filter(|t| t.name == name).map(|t| t.seconds).sum()
+}
+
+fn sum(taken: &[Taken]) -> f64 {
+    taken.iter().map(|t| t.seconds).sum()
 }
 
 pub fn run(context: &Context, args: &BenchArgs) -> Result<(), Failure> {
@@ -40,7 +56,7 @@ pub fn run(context: &Context, args: &BenchArgs) -> Result<(), Failure> {
         for &threads in &counts {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
             let pool = pool.map_err(|e| Failure::Usage(format!("{threads} threads cannot be started: {e}")))?;
-            columns.push(pool.install(|| measure(size, &settings, args.count as usize))?);
+            columns.push(pool.install(|| measure(size, &settings, args.count as usize, threads))?);
         }
         let mut rivals = match args.against {
             Some(Rival::Oidn) => Others::oidn(size)?,
@@ -53,30 +69,34 @@ pub fn run(context: &Context, args: &BenchArgs) -> Result<(), Failure> {
         };
         let mut head = vec!["stage".to_owned()];
         head.extend(counts.iter().map(|n| format!("ms, {n} thread{}", if *n == 1 { "" } else { "s" })));
+        head.extend(counts.iter().skip(1).flat_map(|n| [format!("by the clock, {n} threads"), "faster".to_owned()]));
         head.extend(["ns/pixel", "bytes/pixel", "floor ms"].map(str::to_owned));
         let mut table = Table { head, rows: Vec::new() };
         let ms = |seconds: f64| format!("{:.1}", seconds * 1e3);
         let floor = |bytes: usize| bytes as f64 * size.pixels() as f64 / (bandwidth.gigabytes_a_second * 1e9);
-        let of =
-            |column: &[Taken], name: &str| column.iter().filter(|t| t.name == name).map(|t| t.seconds).sum::<f64>();
-        let first = &columns[0].0;
-        for Taken { name, seconds } in first {
-            let mut row = vec![(*name).to_owned()];
-            row.extend(columns.iter().map(|(column, _)| ms(of(column, name))));
-            let bytes = bytes_per_pixel(name, settings.gather.frames as usize, settings.wavelet.levels as usize);
-            row.push(format!("{:.1}", seconds * 1e9 / size.pixels() as f64));
+        let first = &columns[0];
+        let row = |name: &str, seconds: &dyn Fn(&[Taken]) -> f64, bytes: Option<usize>| {
+            let (processor, clock) = (seconds(&first.processor), seconds(&first.clock));
+            let mut row = vec![name.to_owned()];
+            row.extend(columns.iter().map(|column| ms(seconds(&column.processor))));
+            let faster = |column: &Column| {
+                let here = seconds(&column.clock);
+                [ms(here), format!("{:.1} times", clock / here.max(1e-9))]
+            };
+            row.extend(columns.iter().skip(1).flat_map(faster));
+            row.push(format!("{:.1}", processor * 1e9 / size.pixels() as f64));
             row.push(bytes.map_or("-".to_owned(), |bytes| bytes.to_string()));
             row.push(bytes.map_or("-".to_owned(), |bytes| ms(floor(bytes))));
-            table.rows.push(row);
+            row
+        };
+        for Taken { name, .. } in &first.processor {
+            let bytes = bytes_per_pixel(name, settings.gather.frames as usize, settings.wavelet.levels as usize);
+            table.rows.push(row(name, &|taken| of(taken, name), bytes));
         }
-        let sums: Vec<f64> = columns.iter().map(|(column, _)| column.iter().map(|t| t.seconds).sum()).collect();
-        let mut row = vec!["sum".to_owned()];
-        row.extend(sums.iter().map(|sum| ms(*sum)));
-        row.push(format!("{:.1}", sums[0] * 1e9 / size.pixels() as f64));
-        row.extend([String::new(), String::new()]);
-        table.rows.push(row);
+        table.rows.push(row("sum", &sum, None));
         text.push_str(&format!("{size}, processor time of a frame\n\n{table}\n"));
-        for (threads, (_, clock)) in counts.iter().zip(&columns) {
+        for column in &columns {
+            let (threads, clock) = (column.threads, sum(&column.clock));
             text.push_str(&format!("by the clock, {threads} threads: {:.1} ms a frame\n", clock * 1e3));
         }
         if let Some(own) = &beside {
@@ -97,8 +117,11 @@ pub fn run(context: &Context, args: &BenchArgs) -> Result<(), Failure> {
             "size": size.to_string(),
             "peak_memory_bytes": peak,
             "against": beside.as_ref().map(|own| rivals.json(own)),
-            "threads": counts.iter().zip(&columns).map(|(n, (column, clock))| json!({
-                "threads": n, "processor_ms": stages(column), "clock_ms": clock * 1e3,
+            "threads": columns.iter().map(|column| json!({
+                "threads": column.threads,
+                "processor_ms": stages(&column.processor),
+                "clock_ms": sum(&column.clock) * 1e3,
+                "clock_ms_of_stages": stages(&column.clock),
             })).collect::<Vec<_>>(),
         }));
     }
@@ -111,13 +134,12 @@ pub fn run(context: &Context, args: &BenchArgs) -> Result<(), Failure> {
     context.finish(&report, further, &text)
 }
 
-/// What each stage takes of a frame whose window is whole, and seconds by the clock of all of them.
-fn measure(size: Size, settings: &SequenceSettings, count: usize) -> Result<(Vec<Taken>, f64), Failure> {
-    let mut taken = stages(size, settings, count, || pool_seconds().unwrap_or(0.0))?;
-    taken.retain(|t| t.seconds > 0.0);
-    // The clock on the wall needs a run of its own only where processor time and it differ.
-    let clock = stages(size, settings, count, wall)?.iter().map(|t| t.seconds).sum();
-    Ok((taken, clock))
+/// What each stage takes of a frame whose window is whole, in a pool of so many threads.
+fn measure(size: Size, settings: &SequenceSettings, count: usize, threads: usize) -> Result<Column, Failure> {
+    let mut processor = stages(size, settings, count, || pool_seconds().unwrap_or(0.0))?;
+    processor.retain(|t| t.seconds > 0.0);
+    let clock = stages(size, settings, count, wall)?;
+    Ok(Column { threads, processor, clock })
 }
 
 fn wall() -> f64 {
