@@ -21,6 +21,79 @@ fn each_row<T: Send>(data: &mut [T], width: usize, f: &(dyn Fn(usize, &mut [T]) 
     data.chunks_mut(width).enumerate().for_each(|(y, row)| f(y, row));
 }
 
+/// How many threads share a loop.
+pub(crate) fn threads() -> usize {
+    #[cfg(feature = "threads")]
+    return rayon::current_num_threads();
+    #[cfg(not(feature = "threads"))]
+    1
+}
+
+/// Copies, on all threads.
+pub(crate) fn copy<T: Copy + Send + Sync>(to: &mut [T], from: &[T]) {
+    rows(to, PIECE, |i, to| to.copy_from_slice(&from[i * PIECE..][..to.len()]));
+}
+
+/// Elements that a thread takes at once where a loop has no rows.
+const PIECE: usize = 1 << 15;
+
+/// So many zeros, written on all threads: memory that was used before is cleared, and new memory is met, by one thread otherwise.
+pub(crate) fn zeros<T: Copy + Default + Send + Sync>(count: usize) -> Vec<T> {
+    #[cfg(feature = "threads")]
+    if count >= PIECE && rayon::current_num_threads() > 1 {
+        use rayon::prelude::*;
+        let pieces = count.div_ceil(PAGE);
+        let pieces: Vec<[T; PAGE]> = (0..pieces).into_par_iter().map(|_| [T::default(); PAGE]).collect();
+        let mut all = pieces.into_flattened();
+        all.truncate(count);
+        return all;
+    }
+    vec![T::default(); count]
+}
+
+/// Elements of a piece of memory that is cleared at once.
+#[cfg(feature = "threads")]
+const PAGE: usize = 1024;
+
+/// Both, at once where there are threads.
+pub(crate) fn both<A: Send, B: Send>(a: impl FnOnce() -> A + Send, b: impl FnOnce() -> B + Send) -> (A, B) {
+    #[cfg(feature = "threads")]
+    return rayon::join(a, b);
+    #[cfg(not(feature = "threads"))]
+    (a(), b())
+}
+
+/// True where `f` is true of some element.
+pub(crate) fn any<T: Sync>(data: &[T], f: impl Fn(&T) -> bool + Sync + Send) -> bool {
+    #[cfg(feature = "threads")]
+    {
+        use rayon::prelude::*;
+        data.par_chunks(PIECE).any(|piece| piece.iter().any(&f))
+    }
+    #[cfg(not(feature = "threads"))]
+    data.iter().any(f)
+}
+
+/// The sum of what `f` counts in pieces of `data`.
+pub(crate) fn count<T: Send>(data: &mut [T], f: impl Fn(&mut [T]) -> usize + Sync + Send) -> usize {
+    #[cfg(feature = "threads")]
+    {
+        use rayon::prelude::*;
+        data.par_chunks_mut(PIECE).map(f).sum()
+    }
+    #[cfg(not(feature = "threads"))]
+    f(data)
+}
+
+/// What `f` makes of each element.
+pub(crate) fn map<T: Sync, O: Copy + Default + Send>(data: &[T], f: impl Fn(&T) -> O + Sync + Send) -> Vec<O> {
+    let mut out = vec![O::default(); data.len()];
+    rows(&mut out, PIECE, |i, out| {
+        out.iter_mut().zip(&data[i * PIECE..]).for_each(|(out, value)| *out = f(value));
+    });
+    out
+}
+
 /// [`Plane::from_fn`] on all threads.
 pub(crate) fn plane<T: Copy + Default + Send>(size: Size, f: impl Fn(usize, usize) -> T + Sync + Send) -> Plane<T> {
     let mut plane = Plane::filled(size, T::default());

@@ -53,8 +53,10 @@ impl FrameNoise {
 
 /// The mean without the largest values.
 fn trimmed(mut values: Vec<f64>) -> Option<f64> {
-    values.sort_unstable_by(f64::total_cmp);
     let kept = values.len() - (values.len() as f64 * TRIMMED) as usize;
+    if kept < values.len() {
+        values.select_nth_unstable_by(kept, f64::total_cmp);
+    }
     let sum: f64 = values.iter().take(kept).sum();
     (kept > 0).then(|| sum / kept as f64)
 }

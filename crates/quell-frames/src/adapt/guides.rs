@@ -120,9 +120,8 @@ pub(super) fn fill(
         _ => surface_colour(mapping, canvas, images)?,
     };
     if let Some(albedo) = &mut frame.albedo {
-        for value in albedo.data_mut() {
-            *value = value.map(|v| if v.is_finite() { v.max(0.0) } else { 0.0 });
-        }
+        let known = |v: f32| if v.is_finite() { v.max(0.0) } else { 0.0 };
+        albedo.data_mut().par_iter_mut().for_each(|value| *value = value.map(known));
     }
     let seen = mapping.get(Role::SeenAlbedo);
     frame.seen_albedo = seen.map(|p| gather(images, &p.channels, canvas, [0.0; 3])).transpose()?;

@@ -3,6 +3,7 @@
 use super::camera::PixelCamera;
 use quell::sequence::SequenceFrame;
 use quell::{Plane, Rgb, Size};
+use rayon::prelude::*;
 
 /// Correlation from which noise counts as repeated. Independent noise: 0.02 with guides (hall), at most 0.1 without (a
 /// moving camera, Blender's factory settings). One seed: above 0.5 with guides, 0.28 to 0.31 without.
@@ -42,22 +43,21 @@ impl Trace {
             let light: f32 = (0..3).map(|c| value[c].max(0.0) / colour[c].max(0.05)).sum();
             light / (1.0 + light)
         };
-        let mut residuals = Vec::new();
-        for y in (1..height.saturating_sub(1)).step_by(ROWS) {
-            for x in 1..width.saturating_sub(1) {
-                if !smooth(frame, x, y) {
-                    residuals.push(f32::NAN);
-                    continue;
-                }
-                let mut sum = 0.0;
-                for v in y - 1..=y + 1 {
-                    for u in x - 1..=x + 1 {
-                        sum += tone(u, v);
-                    }
-                }
-                residuals.push(tone(x, y) - sum / 9.0);
+        let residual = |x: usize, y: usize| {
+            if !smooth(frame, x, y) {
+                return f32::NAN;
             }
-        }
+            let mut sum = 0.0;
+            for v in y - 1..=y + 1 {
+                for u in x - 1..=x + 1 {
+                    sum += tone(u, v);
+                }
+            }
+            tone(x, y) - sum / 9.0
+        };
+        let rows = (1..height.saturating_sub(1)).into_par_iter().step_by(ROWS);
+        let rows = rows.map(|y| (1..width.saturating_sub(1)).map(|x| residual(x, y)).collect::<Vec<_>>());
+        let residuals = rows.collect::<Vec<_>>().concat();
         Self { number: frame.number, size: frame.size, camera, residuals, guides: guides(frame) }
     }
 

@@ -5,6 +5,7 @@ use crate::image::{Channel, ExrImage, Samples, Window};
 use crate::roles::{ChannelId, Mapped};
 use half::slice::HalfFloatSliceExt;
 use quell::{Plane, Rgb};
+use rayon::prelude::*;
 use std::path::Path;
 
 /// The samples of a channel and where they lie.
@@ -56,13 +57,30 @@ pub(crate) fn gather<const N: usize>(
     for component in 0..N {
         let Some(id) = channels.get(component).or(channels.last()) else { break };
         let (samples, window) = samples(images, *id)?;
-        let data = plane.data_mut();
-        for (at, from, count) in rows(canvas, window) {
-            let Some(into) = data.get_mut(at..at + count) else { continue };
-            copy(samples, from, into, component);
-        }
+        spread(samples, (canvas, window), &mut plane, component);
     }
     Ok(plane)
+}
+
+/// Rows that a thread takes at once.
+const ROWS: usize = 16;
+
+/// Samples of a channel to a component of the canvas' pixels, on all threads.
+fn spread<const N: usize>(
+    samples: &Samples,
+    (canvas, window): (Window, Window),
+    plane: &mut Plane<[f32; N]>,
+    component: usize,
+) {
+    let width = canvas.size.width.max(1);
+    let places: Vec<_> = rows(canvas, window).collect();
+    let Some(first) = places.first().map(|(at, ..)| at / width * width) else { return };
+    let lines = plane.data_mut().get_mut(first..).unwrap_or_default().par_chunks_mut(width);
+    lines.zip(&places).with_min_len(ROWS).for_each(|(line, (at, from, count))| {
+        if let Some(into) = line.get_mut(at % width..at % width + count) {
+            copy(samples, *from, into, component);
+        }
+    });
 }
 
 fn copy<const N: usize>(samples: &Samples, from: usize, into: &mut [[f32; N]], component: usize) {
@@ -94,7 +112,7 @@ fn copy<const N: usize>(samples: &Samples, from: usize, into: &mut [[f32; N]], c
 /// One number a pixel.
 pub(crate) fn single(images: &[ExrImage], id: ChannelId, canvas: Window, outside: f32) -> Result<Plane<f32>, Error> {
     let plane = gather(images, &[id], canvas, [outside])?;
-    let values = plane.into_vec().into_iter().map(|[v]| v).collect();
+    let values = plane.into_vec().into_flattened();
     Plane::from_vec(canvas.size, values).map_err(|source| Error::Frame { path: std::path::PathBuf::new(), source })
 }
 
@@ -113,9 +131,7 @@ pub(super) fn scatter(
 ) -> Result<usize, Error> {
     let mut clamped = 0;
     if let [only] = pass.channels.as_slice() {
-        for value in plane.data_mut() {
-            *value = [(value[0] + value[1] + value[2]) / 3.0; 3];
-        }
+        plane.data_mut().par_iter_mut().for_each(|value| *value = [(value[0] + value[1] + value[2]) / 3.0; 3]);
         for component in 0..3 {
             clamped = one(images, *only, canvas, plane, component)?;
         }
@@ -140,20 +156,19 @@ pub(super) fn one<const N: usize>(
     // What the canvas covers need not have been read.
     let covered = canvas.union(window) == canvas;
     let mut values = if covered { vec![0.0; window.size.pixels()] } else { samples(images, id)?.0.to_f32() };
-    for (at, from, count) in rows(canvas, window) {
-        let (Some(source), Some(into)) = (plane.data().get(at..at + count), values.get_mut(from..from + count)) else {
-            continue;
-        };
+    let width = window.size.width.max(1);
+    let places: Vec<_> = rows(canvas, window).collect();
+    let first = places.first().map_or(0, |(_, from, _)| from / width * width);
+    let lines = values.get_mut(first..).unwrap_or_default().par_chunks_mut(width);
+    lines.zip(&places).with_min_len(ROWS).for_each(|(line, (at, from, count))| {
+        let into = line.get_mut(from % width..from % width + count);
+        let (Some(source), Some(into)) = (plane.data().get(*at..at + count), into) else { return };
         for (value, pixel) in into.iter_mut().zip(source) {
             *value = pixel[component];
         }
-    }
+    });
     let (stored, clamped) = Samples::from_f32(values, kind);
-    for (at, from, count) in rows(canvas, window) {
-        if let Some(into) = plane.data_mut().get_mut(at..at + count) {
-            copy(&stored, from, into, component);
-        }
-    }
+    spread(&stored, (canvas, window), plane, component);
     if let Some(image) = images.get_mut(id.file) {
         image.replace(id.part, id.channel, stored)?;
     }

@@ -1,6 +1,7 @@
 //! What of an albedo is the colour of surfaces.
 
 use quell::{Plane, Rgb, Size};
+use rayon::prelude::*;
 
 /// Filters of half-float files round a little above 1.
 pub(super) const ROUNDED_ONE: f32 = 1.02;
@@ -27,10 +28,10 @@ pub(super) fn reflectance(
     depth: Option<&Plane<f32>>,
 ) -> Plane<Rgb> {
     whiten(&mut albedo, normal, depth);
-    for value in albedo.data_mut() {
+    albedo.data_mut().par_iter_mut().for_each(|value| {
         let most = value.iter().copied().fold(1.0, f32::max);
         *value = value.map(|c| c / most);
-    }
+    });
     albedo
 }
 

@@ -2,6 +2,7 @@
 
 use quell::Plane;
 use quell::sequence::SequenceFrame;
+use rayon::prelude::*;
 
 /// Every so many pixels along each axis one is compared.
 const STRIDE: usize = 3;
@@ -28,7 +29,15 @@ pub struct CutGuides {
 impl CutGuides {
     /// The guides of a frame.
     pub fn of(frame: &SequenceFrame) -> Self {
-        Self { depth: frame.depth.clone(), normal: frame.normal.clone(), albedo: frame.albedo.clone() }
+        /// On all threads: a frame's planes are large.
+        fn copied<T: Copy + Send + Sync>(plane: &Plane<T>) -> Option<Plane<T>> {
+            Plane::from_vec(plane.size(), plane.data().par_iter().copied().collect()).ok()
+        }
+        Self {
+            depth: frame.depth.as_ref().and_then(copied),
+            normal: frame.normal.as_ref().and_then(copied),
+            albedo: frame.albedo.as_ref().and_then(copied),
+        }
     }
 
     /// True where `next` shows something else: its extent differs, or along its motion vectors too little of it is found
@@ -69,8 +78,9 @@ impl CutGuides {
             depth && normal && albedo
         };
         let (width, height) = (size.width, size.height);
-        let (mut compared, mut found) = (0usize, 0usize);
-        for y in (0..height).step_by(STRIDE) {
+        // Of a row of pixels how many were compared, and found again.
+        let row = |y: usize| {
+            let (mut compared, mut found) = (0usize, 0usize);
             for x in (0..width).step_by(STRIDE) {
                 let p = y * width + x;
                 // Background has no motion of its own and looks alike in every shot.
@@ -94,7 +104,10 @@ impl CutGuides {
                     rows.clone().any(|v| (u.saturating_sub(1)..(u + 2).min(width)).any(|u| fits(p, v * width + u))),
                 );
             }
-        }
+            (compared, found)
+        };
+        let rows = (0..height).into_par_iter().step_by(STRIDE).map(row);
+        let (compared, found) = rows.reduce(|| (0, 0), |a, b| (a.0 + b.0, a.1 + b.1));
         compared >= LEAST_PIXELS && (found as f32) < FOUND_SHARE * compared as f32
     }
 }

@@ -17,8 +17,9 @@ use std::panic::AssertUnwindSafe;
 use std::path::{Path, PathBuf};
 use std::time::SystemTime;
 
-/// Blocks that are decoded at once: enough for many threads, little memory.
+/// Blocks that are decoded at once, at least and for each thread: enough that threads seldom wait for the last one, little memory.
 const BLOCKS_AT_ONCE: usize = 64;
+const BLOCKS_OF_A_THREAD: usize = 8;
 
 /// What shows that a file is still the one that was read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -252,7 +253,7 @@ impl<R: Read + Seek> Source<R> {
             return Ok(());
         }
         let places = self.blocks(&chosen)?;
-        for some in places.chunks(BLOCKS_AT_ONCE) {
+        for some in places.chunks(BLOCKS_AT_ONCE.max(BLOCKS_OF_A_THREAD * rayon::current_num_threads())) {
             let mut chunks = Vec::with_capacity(some.len());
             for place in some {
                 let chunk = self.chunk(place)?;

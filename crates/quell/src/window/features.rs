@@ -10,7 +10,7 @@ use super::sparse::Sparse;
 use super::vectors::Vectors;
 use crate::frame::Rgb;
 use crate::par;
-use crate::plane::{Plane, Size};
+use crate::plane::Size;
 use crate::sequence::{LightKind, SequenceFrame, SequenceSettings};
 
 /// What a pixel shows first.
@@ -245,12 +245,16 @@ impl Features {
         let height = self.picture_height as f32;
         let most = |forward: bool, reflected: bool| {
             let Some(motion) = self.motion.get(forward, reflected) else { return 0.0 };
-            let moved = (0..self.size.pixels()).map(|i| {
-                let m = motion.at(i);
-                let y = (self.first_row + i / self.size.width) as f32 + m[1];
-                if y > -2.0 && y < height + 1.0 { m[1].abs() } else { 0.0 }
+            let mut rows = vec![0.0f32; self.size.height];
+            par::rows(&mut rows, 1, |y, most| {
+                let moved = (y * self.size.width..(y + 1) * self.size.width).map(|i| {
+                    let m = motion.at(i);
+                    let y = (self.first_row + y) as f32 + m[1];
+                    if y > -2.0 && y < height + 1.0 { m[1].abs() } else { 0.0 }
+                });
+                most[0] = moved.fold(0.0, f32::max);
             });
-            moved.fold(0.0, f32::max)
+            rows.into_iter().fold(0.0, f32::max)
         };
         [false, true].map(|forward| most(forward, false).max(most(forward, true)))
     }
@@ -260,35 +264,39 @@ impl Features {
     pub(crate) fn derive_motion_to_next(&mut self, next: &Self) {
         let (w, h) = (self.size.width, self.size.height);
         let Some(back) = &next.motion.to_previous else { return };
-        let mut motion = Plane::filled(self.size, [f32::NAN; 2]);
-        let mut nearest = vec![f32::MIN; w * h];
-        for y in 0..h {
-            for x in 0..w {
-                let m = back.at(y * w + x);
-                let (px, py) = ((x as f32 + m[0]).round(), (y as f32 + m[1]).round());
-                if !(px >= 0.0 && py >= 0.0 && px < w as f32 && py < h as f32) {
-                    continue;
-                }
-                let p = py as usize * w + px as usize;
-                let closeness = next.surface[y * w + x].inverse_depth;
-                if closeness > nearest[p] {
-                    nearest[p] = closeness;
-                    motion.data_mut()[p] = [-m[0], -m[1]];
-                }
-            }
-        }
-        match &mut self.motion.to_next {
-            None => self.motion.to_next = Some(Vectors::new(motion)),
-            Some(vectors) => {
-                let mut known = vectors.plane();
-                for (known, found) in known.data_mut().iter_mut().zip(motion.data()) {
-                    if known.iter().any(|v| v.is_nan()) {
-                        *known = *found;
+        // Bands of rows, each of which looks at the rows of `next` that may lead there, in their order.
+        let reach = next.rows_moved()[0].ceil() as usize + 1;
+        let rows = h.div_ceil(par::threads()).max(4 * reach).max(1);
+        let mut found = vec![([f32::NAN; 2], f32::MIN); w * h];
+        par::rows(&mut found, (rows * w).max(1), |band, found| {
+            let band = band * rows..band * rows + found.len() / w;
+            for y in band.start.saturating_sub(reach)..(band.end + reach).min(h) {
+                for x in 0..w {
+                    let m = back.at(y * w + x);
+                    let (px, py) = ((x as f32 + m[0]).round(), (y as f32 + m[1]).round());
+                    if !(px >= 0.0 && py >= band.start as f32 && px < w as f32 && py < band.end as f32) {
+                        continue;
+                    }
+                    let (motion, nearest) = &mut found[(py as usize - band.start) * w + px as usize];
+                    let closeness = next.surface[y * w + x].inverse_depth;
+                    if closeness > *nearest {
+                        (*motion, *nearest) = ([-m[0], -m[1]], closeness);
                     }
                 }
-                *vectors = Vectors::new(known);
             }
-        }
+        });
+        let mut motion = self.motion.to_next.take().map_or_else(
+            || par::plane(self.size, |_, _| [f32::NAN; 2]),
+            |known| known.plane(),
+        );
+        par::rows(motion.data_mut(), w, |y, row| {
+            for (known, (found, _)) in row.iter_mut().zip(&found[y * w..]) {
+                if known.iter().any(|v| v.is_nan()) {
+                    *known = *found;
+                }
+            }
+        });
+        self.motion.to_next = Some(Vectors::new(motion));
     }
 
     /// True where motion to the next frame is unknown somewhere: files hold none for the sky.

@@ -4,12 +4,15 @@ use super::local::Class;
 use super::packed::half_or_full;
 use super::sparse::Sparse;
 use crate::frame::Rgb;
+use crate::par;
 use crate::plane::{Plane, Size};
 use crate::sequence::settings::Mirrors;
 use crate::sequence::{Light, LightKind, SequenceFrame};
 
 /// Colour of what is no mirror.
 pub(super) const WHITE: Rgb = [1.0; 3];
+/// Stands for the colour of a lamp that a mirror shows until [`colour_lamps`] finds one; no colour that is kept is NaN.
+const LAMP: Rgb = [f32::NAN; 3];
 /// Pixels from the edge of a lamp seen in a mirror to its middle, at most.
 const LARGEST_LAMP: usize = 64;
 
@@ -20,31 +23,32 @@ pub(super) fn mirror_colour(frame: &SequenceFrame, s: &Mirrors) -> Option<Sparse
     let matte = |l: &&Light| matches!(l.kind, LightKind::MatteDirect | LightKind::MatteIndirect);
     let diffuse = frame.lights.iter().filter(matte).find_map(|l| l.weight.as_deref());
     let (seen, diffuse) = (frame.seen_albedo.as_ref()?, diffuse.or(frame.albedo.as_ref())?);
-    let mut specular = vec![0.0f32; frame.size.pixels()];
-    for light in frame.lights.iter().filter(|l| Class::of(l.kind) == Class::Seen) {
-        match &light.weight {
-            Some(weight) => {
-                for (specular, w) in specular.iter_mut().zip(weight.data()) {
-                    *specular = w.iter().copied().fold(*specular, f32::max);
-                }
-            }
-            None => specular.iter_mut().for_each(|colour| *colour = colour.max(s.unknown_colour)),
-        }
-    }
-    let mut lamps = Vec::new();
-    let pixel = |(p, ((seen, diffuse), specular)): (usize, ((&Rgb, &Rgb), &f32))| {
-        let specular = diffuse.iter().all(|&c| c < s.specular_share * specular);
+    let mirrors: Vec<_> = frame.lights.iter().filter(|l| Class::of(l.kind) == Class::Seen).collect();
+    let specular = |p: usize| {
+        mirrors.iter().fold(0.0f32, |most, light| match &light.weight {
+            Some(weight) => weight.data()[p].iter().copied().fold(most, f32::max),
+            None => most.max(s.unknown_colour),
+        })
+    };
+    let w = frame.size.width;
+    let colour = |x: usize, y: usize| {
+        let (specular, seen) = (specular(y * w + x), seen.at(x, y));
+        let is_specular = diffuse.at(x, y).iter().all(|&c| c < s.specular_share * specular);
         let lit = seen.iter().any(|&c| c != 0.0);
-        if !(specular && lit) {
+        if !(is_specular && lit) {
             return WHITE;
         }
         if !seen.iter().all(|&c| (0.0..=s.brightest_colour).contains(&c)) {
-            lamps.push(p);
-            return WHITE;
+            return LAMP;
         }
         seen.map(|c| c.max(s.least_colour))
     };
-    let mut colours: Vec<Rgb> = seen.data().iter().zip(diffuse.data()).zip(&specular).enumerate().map(pixel).collect();
+    let mut colours = par::plane(frame.size, colour).into_vec();
+    let mut lamps = Vec::new();
+    for (p, colour) in colours.iter_mut().enumerate().filter(|(_, colour)| colour[0].is_nan()) {
+        lamps.push(p);
+        *colour = WHITE;
+    }
     colour_lamps(frame.size, &mut colours, lamps);
     divide_edges(frame, &mut colours, s);
     Some(Sparse::new(colours.len(), |i| half_or_full(colours[i]), |_| WHITE))
@@ -90,21 +94,21 @@ fn mean_around(size: Size, colours: &[Rgb], x: usize, y: usize) -> Option<Rgb> {
 /// all the same, and is divided by what its neighbours in the mirror were: else light that was divided would be mixed with
 /// light that was not (a dotted white line around mirrors).
 fn divide_edges(frame: &SequenceFrame, colours: &mut [Rgb], s: &Mirrors) {
-    let (w, h) = (frame.size.width, frame.size.height);
-    let inner = colours.to_vec();
+    let w = frame.size.width;
+    let inner = par::map(colours, |colour| *colour);
     let weights: Vec<&Plane<Rgb>> =
         frame.lights.iter().filter(|l| Class::of(l.kind) == Class::Seen).filter_map(|l| l.weight.as_deref()).collect();
-    for y in 0..h {
-        for x in 0..w {
+    par::rows(colours, w, |y, row| {
+        for (x, colour) in row.iter_mut().enumerate() {
             let reflects = || weights.iter().any(|plane| plane.at(x, y).iter().any(|&c| c > s.edge_colour));
             if inner[y * w + x] != WHITE || !reflects() {
                 continue;
             }
             if let Some(mean) = mean_around(frame.size, &inner, x, y) {
-                colours[y * w + x] = mean;
+                *colour = mean;
             }
         }
-    }
+    });
 }
 
 #[cfg(test)]

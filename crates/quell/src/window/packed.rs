@@ -50,7 +50,7 @@ impl Packed {
     /// `fill(y, row)` writes the values of a row, in the order of [`Self::data`]; they must be finite.
     pub(crate) fn by_rows(size: Size, planes: usize, fill: impl Fn(usize, &mut [f32]) + Sync) -> Self {
         let length = 3 * planes * size.width;
-        let mut data = vec![f16::ZERO; length * size.height];
+        let mut data: Vec<f16> = par::zeros(length * size.height);
         if data.is_empty() {
             return Self { planes, data, beyond: Vec::new() };
         }
@@ -132,8 +132,8 @@ pub(crate) enum Weight {
 impl Weight {
     pub(crate) fn new(plane: &Plane<Rgb>) -> Self {
         let exact = |v: f32| fits(v) && f16::from_f32(v).to_f32().to_bits() == v.to_bits();
-        if plane.data().iter().flatten().all(|v| exact(*v)) {
-            Self::Half(plane.data().iter().map(|c| c.map(f16::from_f32)).collect())
+        if !par::any(plane.data(), |c| !c.iter().all(|v| exact(*v))) {
+            Self::Half(par::map(plane.data(), |c| c.map(f16::from_f32)))
         } else {
             Self::Full(plane.clone())
         }

@@ -87,7 +87,7 @@ impl PreparedFrame {
         };
         let features = Features { motion, ..Features::new(&frame, settings) };
         // In a medium even noise-free light behind it has noise: whether a ray gets there is chance.
-        let lit = |light: &Light| light.light.data().iter().flatten().any(|&c| c > 0.0);
+        let lit = |light: &Light| par::any(light.light.data(), |colour| colour.iter().any(|&c| c > 0.0));
         let foggy = frame.lights.iter().any(|l| l.kind == LightKind::Volume && lit(l));
         let shape: Vec<_> = frame.lights.iter().map(|l| (l.kind, 1 + l.joint.len())).collect();
         let mut slots = Vec::with_capacity(frame.lights.len());
@@ -104,7 +104,7 @@ impl PreparedFrame {
             slots.push(LightSlot { kind, light: index, first: planes, planes: colours.len() });
             planes += colours.len();
             repaired += colours.iter_mut().map(repair).sum::<usize>();
-            let black = colours.iter().all(|plane| plane.data().iter().flatten().all(|c| *c == 0.0));
+            let black = !colours.iter().any(|plane| par::any(plane.data(), |colour| colour.iter().any(|c| *c != 0.0)));
             stored.push(if black {
                 Samples::Black
             } else if kind == LightKind::NoiseFree {
@@ -150,7 +150,7 @@ impl PreparedFrame {
         };
         let unfit = if !samples.beyond.is_empty() {
             Some("colours beyond half precision")
-        } else if features.surface.iter().any(|s| s.inverse_depth > MOST_INVERSE_DEPTH) {
+        } else if par::any(&features.surface, |s| s.inverse_depth > MOST_INVERSE_DEPTH) {
             Some("depths next to nothing")
         } else {
             None
@@ -236,10 +236,12 @@ impl std::fmt::Debug for PreparedFrame {
 
 /// What is not finite becomes black; how many pixels.
 fn repair(plane: &mut Plane<Rgb>) -> usize {
-    let mut repaired = 0;
-    for value in plane.data_mut().iter_mut().filter(|value| !value.iter().all(|c| c.is_finite())) {
-        *value = [0.0; 3];
-        repaired += 1;
-    }
-    repaired
+    par::count(plane.data_mut(), |colours| {
+        let mut repaired = 0;
+        for value in colours.iter_mut().filter(|value| !value.iter().all(|c| c.is_finite())) {
+            *value = [0.0; 3];
+            repaired += 1;
+        }
+        repaired
+    })
 }

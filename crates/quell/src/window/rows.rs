@@ -15,7 +15,7 @@ pub struct Rows {
 
 impl Rows {
     pub(crate) fn new(size: Size, channels: usize) -> Self {
-        Self { size, channels, data: vec![0.0; size.pixels() * channels] }
+        Self { size, channels, data: par::zeros(size.pixels() * channels) }
     }
 
     /// Extent.

@@ -1,5 +1,6 @@
 //! Images that hold in most places what is known without them.
 
+use crate::par;
 use bytemuck::{Pod, bytes_of};
 
 /// Pixels, one after the other, that are kept together.
@@ -16,15 +17,24 @@ pub struct Sparse<T> {
     values: Vec<T>,
 }
 
+/// Blocks that a thread looks at at once.
+const RUN: usize = 4096;
+
 impl<T: Pod> Sparse<T> {
     /// Keeps what of `value` is not `known`, bit by bit.
-    pub(crate) fn new(pixels: usize, value: impl Fn(usize) -> T, known: impl Fn(usize) -> T) -> Self {
-        let mut sparse = Self { blocks: Vec::with_capacity(pixels.div_ceil(BLOCK)), values: Vec::new() };
-        for first in (0..pixels).step_by(BLOCK) {
-            let mut block = first..(first + BLOCK).min(pixels);
-            if block.clone().any(|p| bytes_of(&value(p)) != bytes_of(&known(p))) {
+    pub(crate) fn new(pixels: usize, value: impl Fn(usize) -> T + Sync, known: impl Fn(usize) -> T + Sync) -> Self {
+        let mut differs = vec![false; pixels.div_ceil(BLOCK)];
+        let block_at = |block: usize| BLOCK * block..(BLOCK * (block + 1)).min(pixels);
+        par::rows(&mut differs, RUN, |run, differs| {
+            for (k, differs) in differs.iter_mut().enumerate() {
+                *differs = block_at(RUN * run + k).any(|p| bytes_of(&value(p)) != bytes_of(&known(p)));
+            }
+        });
+        let mut sparse = Self { blocks: Vec::with_capacity(differs.len()), values: Vec::new() };
+        for (block, differs) in differs.into_iter().enumerate() {
+            if differs {
                 sparse.blocks.push(sparse.values.len() as u32);
-                sparse.values.extend(block.by_ref().map(&value));
+                sparse.values.extend(block_at(block).map(&value));
             } else {
                 sparse.blocks.push(KNOWN);
             }

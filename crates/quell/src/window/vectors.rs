@@ -2,6 +2,7 @@
 
 use super::packed::fits;
 use crate::kernels::halves::widen;
+use crate::par;
 use crate::plane::{Plane, Size};
 use half::f16;
 
@@ -18,9 +19,8 @@ impl Vectors {
     /// What is no number stays none.
     pub fn new(plane: Plane<[f32; 2]>) -> Self {
         let exact = |v: f32| v.is_nan() || fits(v) && f16::from_f32(v).to_f32().to_bits() == v.to_bits();
-        if plane.data().iter().flatten().all(|v| exact(*v)) {
-            let data = plane.data().iter().map(|v| v.map(f16::from_f32)).collect();
-            Self::Half(plane.size(), data)
+        if !par::any(plane.data(), |v| !v.iter().all(|v| exact(*v))) {
+            Self::Half(plane.size(), par::map(plane.data(), |v| v.map(f16::from_f32)))
         } else {
             Self::Full(plane)
         }
@@ -41,7 +41,7 @@ impl Vectors {
     /// All of them, in single precision.
     pub fn plane(&self) -> Plane<[f32; 2]> {
         match self {
-            Self::Half(size, _) => Plane::from_fn(*size, |x, y| self.at(y * size.width + x)),
+            Self::Half(size, _) => par::plane(*size, |x, y| self.at(y * size.width + x)),
             Self::Full(plane) => plane.clone(),
         }
     }
@@ -49,8 +49,8 @@ impl Vectors {
     /// True where one of them is unknown.
     pub(crate) fn lacks_some(&self) -> bool {
         match self {
-            Self::Half(_, data) => data.iter().flatten().any(|v| v.is_nan()),
-            Self::Full(plane) => plane.data().iter().flatten().any(|v| v.is_nan()),
+            Self::Half(_, data) => par::any(data, |v| v.iter().any(|v| v.is_nan())),
+            Self::Full(plane) => par::any(plane.data(), |v| v.iter().any(|v| v.is_nan())),
         }
     }
 }

@@ -69,9 +69,21 @@ pub(crate) fn run(features: &Features) -> LocalFeatures {
     let seen = |k: usize| three(features.seen.as_ref().filter(|_| features.has_seen[k]), k);
     let mut seen_albedo = seen(0);
     let mirrors = if features.mirror_colour.is_some() { size.pixels() } else { 0 };
-    let mirror: Vec<bool> = (0..mirrors).map(|p| features.is_mirror(p)).collect();
-    for (mark, _) in seen_albedo[0].iter_mut().zip(&mirror).filter(|(_, mirror)| **mirror) {
-        *mark += DIVIDED;
+    let mut mirror = vec![false; mirrors];
+    let marked = &mut seen_albedo[0];
+    if marked.is_empty() {
+        par::rows(&mut mirror, w, |y, mirror| {
+            (0..w).for_each(|x| mirror[x] = features.is_mirror(y * w + x));
+        });
+    } else if mirrors > 0 {
+        par::two_rows(&mut mirror, w, marked, w, |y, mirror, marked| {
+            for (x, (mirror, mark)) in mirror.iter_mut().zip(marked).enumerate() {
+                *mirror = features.is_mirror(y * w + x);
+                if *mirror {
+                    *mark += DIVIDED;
+                }
+            }
+        });
     }
     LocalFeatures {
         size,

@@ -54,8 +54,10 @@ impl<'a> Job<'a> {
             })
             .collect();
         let lanes = lanes.chunks(LANES).enumerate().map(|(i, some)| Lanes::new(window, some, LANES * i, gather));
-        let mirrors = |frame: &&PreparedFrame| if looks_through { frame.features.mirror_bits() } else { Vec::new() };
-        let mirrors = window.iter().map(mirrors).collect();
+        let mut mirrors = vec![Vec::new(); window.len()];
+        if looks_through {
+            par::rows(&mut mirrors, 1, |frame, bits| bits[0] = window[frame].features.mirror_bits());
+        }
         Self { window, centre, slots, gather, looks_through, mirrors, lanes: lanes.collect() }
     }
 

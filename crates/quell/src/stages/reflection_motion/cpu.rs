@@ -32,9 +32,9 @@ impl Level {
     fn finest(features: &Features, s: &Reflections) -> Option<Self> {
         let seen = features.seen.as_ref()?;
         let size = features.size;
-        let share = |i: usize| if features.is_mirror(i) { 1.0 } else { 0.0 };
-        let share: Vec<f32> = (0..size.pixels()).map(share).collect();
-        if !share.contains(&1.0) {
+        let share = |x: usize, y: usize| if features.is_mirror(y * size.width + x) { 1.0 } else { 0.0 };
+        let share: Vec<f32> = par::plane(size, share).into_vec();
+        if !par::any(&share, |share| *share == 1.0) {
             return None;
         }
         let of = |i: usize| {
@@ -65,9 +65,8 @@ impl Level {
     /// Means over 2x2, of the mirror's part alone.
     fn coarser(&self, s: &Reflections) -> Self {
         let size = Size::new(self.size.width.div_ceil(2), self.size.height.div_ceil(2));
-        let mut seen = Vec::with_capacity(size.pixels());
-        let mut share = Vec::with_capacity(size.pixels());
-        for y in 0..size.height {
+        let (mut seen, mut share) = (vec![[0.0; SEEN]; size.pixels()], vec![0.0f32; size.pixels()]);
+        par::two_rows(&mut seen, size.width, &mut share, size.width, |y, seen, share_of| {
             for x in 0..size.width {
                 let (mut sum, mut weight, mut pixels) = ([0.0f32; SEEN], 0.0f32, 0.0f32);
                 for qy in 2 * y..(2 * y + 2).min(self.size.height) {
@@ -82,10 +81,10 @@ impl Level {
                         }
                     }
                 }
-                seen.push(sum.map(|sum| if weight > 0.0 { sum / weight } else { 0.0 }));
-                share.push(weight / pixels);
+                seen[x] = sum.map(|sum| if weight > 0.0 { sum / weight } else { 0.0 });
+                share_of[x] = weight / pixels;
             }
-        }
+        });
         Self::new(size, |p| seen[p], share, s)
     }
 
@@ -123,16 +122,15 @@ impl Level {
 fn population(size: Size, share: &[f32], s: &Reflections) -> Vec<u32> {
     let (w, h, patch) = (size.width, size.height, s.patch as usize);
     let mut all = vec![0u32; size.pixels()];
-    let mut columns = vec![0u32; w];
-    for (y, out) in all.chunks_exact_mut(w).enumerate() {
-        columns.fill(0);
+    par::rows(&mut all, w, |y, out| {
+        let mut columns = vec![0u32; w];
         for row in share[y.saturating_sub(patch) * w..(y + patch + 1).min(h) * w].chunks_exact(w) {
             columns.iter_mut().zip(row).for_each(|(n, share)| *n += u32::from(*share >= s.least_share));
         }
         for (x, out) in out.iter_mut().enumerate() {
             *out = columns[x.saturating_sub(patch)..(x + patch + 1).min(w)].iter().sum();
         }
-    }
+    });
     all
 }
 
@@ -162,11 +160,14 @@ fn pyramid(finest: Level, s: &Reflections) -> Vec<Level> {
 /// Motion of reflections from `next` to `previous`, and back; each `None` where the surface's is unknown. `None`: one
 /// of the frames has no mirror.
 pub(crate) fn run(previous: &Features, next: &Features, s: &Reflections) -> Option<ReflectionMotion> {
-    let (a, b) = (pyramid(Level::finest(previous, s)?, s), pyramid(Level::finest(next, s)?, s));
-    Some(ReflectionMotion {
-        to_previous: next.motion.to_previous.as_ref().map(|m| follow(&b, &a, m.plane(), s)),
-        to_next: previous.motion.to_next.as_ref().map(|m| follow(&a, &b, m.plane(), s)),
-    })
+    let levels = |frame| Level::finest(frame, s).map(|finest| pyramid(finest, s));
+    let (a, b) = par::both(|| levels(previous), || levels(next));
+    let (a, b) = (a?, b?);
+    let (to_previous, to_next) = par::both(
+        || next.motion.to_previous.as_ref().map(|m| follow(&b, &a, m.plane(), s)),
+        || previous.motion.to_next.as_ref().map(|m| follow(&a, &b, m.plane(), s)),
+    );
+    Some(ReflectionMotion { to_previous, to_next })
 }
 
 /// Replaces `motion` from `here` to `there` at mirrors and glass.
@@ -192,18 +193,20 @@ fn follow(here: &[Level], there: &[Level], mut motion: Plane<[f32; 2]>, s: &Refl
         dispatch!(crate::simd::level(), simd => pair.row_between_pixels(simd, y, &found, row));
     });
     let known = |m: &[f32; 2]| m.iter().all(|c| c.is_finite());
-    for ((m, fine), share) in motion.data_mut().iter_mut().zip(fine.data()).zip(&here[0].share) {
-        if *share > 0.0 && known(m) {
-            *m = *fine;
+    par::rows(motion.data_mut(), size.width, |y, row| {
+        for ((m, fine), share) in row.iter_mut().zip(fine.row(y)).zip(&here[0].share[y * size.width..]) {
+            if *share > 0.0 && known(m) {
+                *m = *fine;
+            }
         }
-    }
+    });
     motion
 }
 
 /// The surface's motion at each level, in its pixels; means over the mirror's part.
 fn motions(levels: &[Level], motion: &Plane<[f32; 2]>) -> Vec<Vec<[f32; 2]>> {
     let known = |m: &[f32; 2]| if m.iter().all(|c| c.is_finite()) { *m } else { [0.0; 2] };
-    let mut all = vec![motion.data().iter().map(known).collect::<Vec<_>>()];
+    let mut all = vec![par::map(motion.data(), known)];
     for pair in levels.windows(2) {
         let (fine, coarse) = (&pair[0], &pair[1]);
         let Some(last) = all.last() else { break };

@@ -15,12 +15,15 @@ pub(crate) fn run(frame: &PreparedFrame, slots: &[LightSlot], mut colours: Rows,
     let size = frame.features.size;
     let w = size.width;
     let noisy = |slot: &&LightSlot| matches!(frame.stored[slot.light], Samples::Black | Samples::Packed(_));
-    for slot in slots.iter().filter(noisy) {
-        let mut own = Rows::new(size, 3);
-        par::rows(own.data_mut(), 3 * w, |y, row| widest!(own_row(frame, slot, y, row)));
-        let planes = slot.first..slot.first + slot.planes;
-        correct(&LEVELS, frame.features.first_row, &own, (&mut colours, planes), Trust::of_lights(s));
-    }
+    let lights: Vec<_> = slots.iter().filter(noisy).collect();
+    let mut own = Rows::new(size, 3 * lights.len());
+    par::rows(own.data_mut(), (3 * lights.len() * w).max(1), |y, row| {
+        for (slot, row) in lights.iter().zip(row.chunks_exact_mut(3 * w)) {
+            widest!(own_row(frame, slot, y, row));
+        }
+    });
+    let planes: Vec<_> = lights.iter().map(|slot| slot.first..slot.first + slot.planes).collect();
+    correct(&LEVELS, frame.features.first_row, &own, (&mut colours, &planes), Trust::of_lights(s));
     colours
 }
 
@@ -39,7 +42,7 @@ pub(crate) fn picture(first: usize, input: &Plane<Rgb>, mut picture: Plane<Rgb>,
         rows
     };
     let mut corrected = rows(&picture);
-    correct(&PICTURE_LEVELS, first, &rows(input), (&mut corrected, 0..1), Trust::of_picture(s));
+    correct(&PICTURE_LEVELS, first, &rows(input), (&mut corrected, &[0..1]), Trust::of_picture(s));
     par::rows(picture.data_mut(), w, |y, row| {
         for (x, out) in row.iter_mut().enumerate() {
             *out = corrected.colour(x, y, 0);
@@ -48,20 +51,24 @@ pub(crate) fn picture(first: usize, input: &Plane<Rgb>, mut picture: Plane<Rgb>,
     picture
 }
 
-/// All levels of one light, of which the first of `planes` is compared with `own`.
+/// All levels of all lights: of each its planes, of which the first is compared with its three channels of `own`. Together, since a loop
+/// over the rows of one light is too short for many threads.
 fn correct(
     levels: &[(usize, usize)],
     first: usize,
     own: &Rows,
-    (colours, planes): (&mut Rows, Range<usize>),
+    (colours, planes): (&mut Rows, &[Range<usize>]),
     trust: Trust,
 ) {
+    if planes.is_empty() {
+        return;
+    }
     let mut noise = None;
     for &(cell, radius) in levels {
-        let level = Level { first, cell, kernel: triangle(radius), trust };
-        let sums = level.sums(own, (colours, planes.start));
+        let level = Level { first, cell, kernel: triangle(radius), trust, planes };
+        let sums = level.sums(own, colours);
         let noise = noise.get_or_insert_with(|| level.noise_around(&sums));
-        level.apply(own, colours, &planes, &level.changes(&sums, noise));
+        level.apply(own, colours, &level.changes(&sums, noise));
     }
 }
 
@@ -89,24 +96,29 @@ type Between = (usize, usize, f32);
 /// Sums of a cell: of the filtered light, of the residual and of its square, each of three channels.
 const SUMS: usize = 9;
 
-struct Level {
+struct Level<'p> {
     /// Row of the picture at which the images begin.
     first: usize,
     cell: usize,
     kernel: Vec<f32>,
     trust: Trust,
+    /// Of each light.
+    planes: &'p [Range<usize>],
 }
 
-impl Level {
-    /// [`SUMS`] of each cell.
-    fn sums(&self, own: &Rows, (colours, plane): (&Rows, usize)) -> Rows {
+impl Level<'_> {
+    /// [`SUMS`] of each cell and light.
+    fn sums(&self, own: &Rows, colours: &Rows) -> Rows {
         let Size { width: w, height: h } = own.size();
         let (cell, first) = (self.cell, self.first % self.cell);
         let size = Size::new(cells(0, w, cell), cells(self.first, h, cell));
-        let mut sums = Rows::new(size, SUMS);
-        par::rows(sums.data_mut(), SUMS * size.width, |v, out| {
+        let channels = SUMS * self.planes.len();
+        let mut sums = Rows::new(size, channels);
+        par::rows(sums.data_mut(), channels * size.width, |v, out| {
             let rows = (v * cell).saturating_sub(first)..((v + 1) * cell - first).min(h);
-            widest!(self.sums_row(own, (colours, plane), rows.clone(), out));
+            for (light, out) in out.chunks_exact_mut(SUMS * size.width).enumerate() {
+                widest!(self.sums_row(own, (colours, light), rows.clone(), out));
+            }
         });
         sums
     }
@@ -135,9 +147,13 @@ impl Level {
 
     /// Mean over the triangle of the cells' own squared relative noise.
     fn noise_around(&self, sums: &Rows) -> Rows {
-        let size = sums.size();
-        let mut own = Rows::new(size, 1);
-        par::rows(own.data_mut(), size.width, |v, out| widest!(self.noise_row(sums, v, out)));
+        let (size, lights) = (sums.size(), self.planes.len());
+        let mut own = Rows::new(size, lights);
+        par::rows(own.data_mut(), lights * size.width, |v, out| {
+            for (light, out) in out.chunks_exact_mut(size.width).enumerate() {
+                widest!(self.noise_row(sums, (v, light), out));
+            }
+        });
         let mut noise = self.smoothed(&own);
         // Of the triangle the part that lies within the image.
         let part = |at: usize, limit: usize| -> f32 {
@@ -145,19 +161,21 @@ impl Level {
             (at.saturating_sub(reach)..(at + reach + 1).min(limit)).map(|u| self.kernel[u.abs_diff(at)]).sum()
         };
         let columns: Vec<_> = (0..size.width).map(|x| part(x, size.width)).collect();
-        par::rows(noise.data_mut(), size.width, |v, row| {
+        par::rows(noise.data_mut(), lights * size.width, |v, row| {
             let rows = part(v, size.height);
-            row.iter_mut().zip(&columns).for_each(|(noise, columns)| *noise /= rows * columns);
+            for row in row.chunks_exact_mut(size.width) {
+                row.iter_mut().zip(&columns).for_each(|(noise, columns)| *noise /= rows * columns);
+            }
         });
         noise
     }
 
-    /// Of each cell of a row the squared relative noise of a pixel, summed over the channels.
+    /// Of each cell of a row the squared relative noise of a pixel of a light, summed over the channels.
     #[inline(always)]
-    fn noise_row(&self, sums: &Rows, v: usize, out: &mut [f32]) {
+    fn noise_row(&self, sums: &Rows, (v, light): (usize, usize), out: &mut [f32]) {
         let pixels = (self.cell * self.cell) as f32;
-        for c in 0..3 {
-            let (light, squared) = (sums.row(v, 3 * c), sums.row(v, 3 * c + 2));
+        for c in (0..3).map(|c| SUMS * light + 3 * c) {
+            let (light, squared) = (sums.row(v, c), sums.row(v, c + 2));
             for (out, (light, squared)) in out.iter_mut().zip(light.iter().zip(squared)) {
                 let light = light + LEAST;
                 *out += pixels * squared / (light * light);
@@ -165,25 +183,29 @@ impl Level {
         }
     }
 
-    /// What each cell is multiplied by, less 1: three channels. `noise`: of the coarsest level's cells.
+    /// What each cell is multiplied by, less 1: three channels of each light. `noise`: of the coarsest level's cells.
     fn changes(&self, sums: &Rows, noise: &Rows) -> Rows {
         let (smooth, size) = (self.smoothed(sums), sums.size());
-        let mut changes = Rows::new(size, 3);
-        par::rows(changes.data_mut(), 3 * size.width, |v, out| {
-            let around = noise.row(holding(self.first, v, self.cell), 0);
-            widest!(self.changes_row((&smooth, v), around, out));
+        let channels = 3 * self.planes.len();
+        let mut changes = Rows::new(size, channels);
+        par::rows(changes.data_mut(), channels * size.width, |v, out| {
+            for (light, out) in out.chunks_exact_mut(3 * size.width).enumerate() {
+                let around = noise.row(holding(self.first, v, self.cell), light);
+                widest!(self.changes_row(&smooth, (v, light), around, out));
+            }
         });
         changes
     }
 
-    /// Sums of a row of cells, which hold `rows` of pixels.
+    /// Sums of a row of cells, which hold `rows` of pixels, of one light.
     #[inline(always)]
-    fn sums_row(&self, own: &Rows, (colours, plane): (&Rows, usize), rows: Range<usize>, out: &mut [f32]) {
+    fn sums_row(&self, own: &Rows, (colours, light): (&Rows, usize), rows: Range<usize>, out: &mut [f32]) {
         let (w, cell) = (own.size().width, self.cell);
+        let plane = self.planes[light].start;
         let across = w.div_ceil(cell);
         let mut residuals = vec![0.0f32; 2 * w];
         for (y, c) in rows.flat_map(|y| (0..3).map(move |c| (y, c))) {
-            let (filtered, own) = (colours.row(y, 3 * plane + c), own.row(y, c));
+            let (filtered, own) = (colours.row(y, 3 * plane + c), own.row(y, 3 * light + c));
             let (residual, squared) = residuals.split_at_mut(w);
             for x in 0..w {
                 residual[x] = own[x] - filtered[x];
@@ -204,14 +226,15 @@ impl Level {
         }
     }
 
-    /// Shrunk ratios of a row of cells.
+    /// Shrunk ratios of a row of cells, of one light.
     #[inline(always)]
-    fn changes_row(&self, (smooth, v): (&Rows, usize), around: &[f32], out: &mut [f32]) {
+    fn changes_row(&self, smooth: &Rows, (v, light): (usize, usize), around: &[f32], out: &mut [f32]) {
         let w = smooth.size().width;
         let share_of_pixel = squares(&self.kernel) / (self.cell * self.cell) as f32;
         let mut noise = vec![0.0f32; w];
-        self.noise_row(smooth, v, &mut noise);
-        let [red, green, blue] = [0, 1, 2].map(|c| (smooth.row(v, 3 * c), smooth.row(v, 3 * c + 1)));
+        self.noise_row(smooth, (v, light), &mut noise);
+        let first = SUMS * light;
+        let [red, green, blue] = [0, 3, 6].map(|c| (smooth.row(v, first + c), smooth.row(v, first + c + 1)));
         for x in 0..w {
             let ratio = [red, green, blue].map(|(light, residual)| residual[x] / (light[x] + LEAST));
             let squared = noise[x].max(around[holding(0, x, self.cell)]);
@@ -228,16 +251,18 @@ impl Level {
         }
     }
 
-    /// Multiplies a light's planes.
-    fn apply(&self, own: &Rows, colours: &mut Rows, planes: &Range<usize>, changes: &Rows) {
+    /// Multiplies the lights' planes.
+    fn apply(&self, own: &Rows, colours: &mut Rows, changes: &Rows) {
         let w = own.size().width;
         let (across, down) = (changes.size().width, changes.size().height);
         let columns: Vec<_> = (0..w).map(|x| between(0, x, self.cell, across)).collect();
         let channels = colours.channels();
         par::rows(colours.data_mut(), channels * w, |y, out| {
             let rows = between(self.first, y, self.cell, down);
-            let out = &mut out[3 * planes.start * w..3 * planes.end * w];
-            widest!(self.apply_row((own, y), changes, (&columns, rows), out));
+            for (light, planes) in self.planes.iter().enumerate() {
+                let out = &mut out[3 * planes.start * w..3 * planes.end * w];
+                widest!(self.apply_row((own, y), (changes, light), (&columns, rows), out));
+            }
         });
     }
 
@@ -246,7 +271,7 @@ impl Level {
     fn apply_row(
         &self,
         (own, y): (&Rows, usize),
-        changes: &Rows,
+        (changes, light): (&Rows, usize),
         (columns, (above, below, ty)): (&[Between], Between),
         out: &mut [f32],
     ) {
@@ -254,14 +279,14 @@ impl Level {
         // 0 where a pixel came out as it went in.
         let mut changed = vec![0.0f32; w];
         for c in 0..3 {
-            for (changed, (filtered, own)) in changed.iter_mut().zip(out[c * w..].iter().zip(own.row(y, c))) {
+            for (changed, (filtered, own)) in changed.iter_mut().zip(out[c * w..].iter().zip(own.row(y, 3 * light + c))) {
                 *changed = if filtered == own { *changed } else { 1.0 };
             }
         }
         let mut row = vec![0.0f32; across];
         let mut factor = vec![0.0f32; w];
         for c in 0..3 {
-            for (row, (a, b)) in row.iter_mut().zip(changes.row(above, c).iter().zip(changes.row(below, c))) {
+            for (row, (a, b)) in row.iter_mut().zip(changes.row(above, 3 * light + c).iter().zip(changes.row(below, 3 * light + c))) {
                 *row = a + (b - a) * ty;
             }
             match self.cell {

@@ -89,7 +89,7 @@ pub(crate) fn run(
     let here = &window[centre];
     let size = here.picture.size();
     let w = size.width;
-    let mut out = here.picture.clone();
+    let mut out = par::plane(size, |x, y| here.picture.at(x, y));
     let has_alpha = has_alpha(window);
     let mut coverage = Plane::filled(if has_alpha { size } else { Size::new(0, 0) }, 0.0);
     let fronts = fronts(window, settings);
