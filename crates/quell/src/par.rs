@@ -37,10 +37,56 @@ pub(crate) fn copy<T: Copy + Send + Sync>(to: &mut [T], from: &[T]) {
 /// Elements that a thread takes at once where a loop has no rows.
 const PIECE: usize = 1 << 15;
 
+/// True where so many threads share a loop that the parts which one of them does alone are what is waited for.
+pub(crate) fn many() -> bool {
+    threads() > 4
+}
+
+/// Numbers that a call needs for itself, 0 at first, from [`scratch`].
+pub(crate) struct Scratch(Vec<f32>);
+
+thread_local! {
+    static KEPT: std::cell::RefCell<Vec<Vec<f32>>> = const { std::cell::RefCell::new(Vec::new()) };
+}
+
+/// So many zeros for a row's work, in memory that this thread used before: where every row of a picture asks the allocator, many threads
+/// wait for each other there.
+pub(crate) fn scratch(count: usize) -> Scratch {
+    let kept = KEPT.try_with(|kept| kept.try_borrow_mut().ok()?.pop()).ok().flatten();
+    let mut numbers = kept.unwrap_or_default();
+    numbers.clear();
+    numbers.resize(count, 0.0);
+    Scratch(numbers)
+}
+
+impl Drop for Scratch {
+    fn drop(&mut self) {
+        let numbers = std::mem::take(&mut self.0);
+        // A thread that ends keeps nothing.
+        let _ = KEPT.try_with(|kept| kept.try_borrow_mut().map(|mut kept| kept.push(numbers)));
+    }
+}
+
+impl std::ops::Deref for Scratch {
+    type Target = [f32];
+
+    #[inline(always)]
+    fn deref(&self) -> &[f32] {
+        &self.0
+    }
+}
+
+impl std::ops::DerefMut for Scratch {
+    #[inline(always)]
+    fn deref_mut(&mut self) -> &mut [f32] {
+        &mut self.0
+    }
+}
+
 /// So many zeros, written on all threads: memory that was used before is cleared, and new memory is met, by one thread otherwise.
 pub(crate) fn zeros<T: Copy + Default + Send + Sync>(count: usize) -> Vec<T> {
     #[cfg(feature = "threads")]
-    if count >= PIECE && rayon::current_num_threads() > 1 {
+    if count >= PIECE && many() {
         use rayon::prelude::*;
         let pieces = count.div_ceil(PAGE);
         let pieces: Vec<[T; PAGE]> = (0..pieces).into_par_iter().map(|_| [T::default(); PAGE]).collect();

@@ -149,7 +149,7 @@ const BAND: usize = if cfg!(test) { 16 } else { 128 };
 
 /// What a layer reads around the pixels of a tile: line by line of each input.
 struct Fetched {
-    values: Vec<f32>,
+    values: par::Scratch,
     lines: usize,
     stride: usize,
 }
@@ -189,7 +189,7 @@ impl Layer {
             let (around, first) = (self.side / 2, rows.start + STRIP * strip);
             let lines = out.len() / row_length + 2 * around;
             let mut fetched = Fetched {
-                values: vec![0.0; self.inputs * lines * (TILE + 2 * around)],
+                values: par::scratch(self.inputs * lines * (TILE + 2 * around)),
                 lines,
                 stride: TILE + 2 * around,
             };

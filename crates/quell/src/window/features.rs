@@ -285,10 +285,11 @@ impl Features {
                 }
             }
         });
-        let mut motion = self.motion.to_next.take().map_or_else(
-            || par::plane(self.size, |_, _| [f32::NAN; 2]),
-            |known| known.plane(),
-        );
+        let mut motion = self
+            .motion
+            .to_next
+            .take()
+            .map_or_else(|| par::plane(self.size, |_, _| [f32::NAN; 2]), |known| known.plane());
         par::rows(motion.data_mut(), w, |y, row| {
             for (known, (found, _)) in row.iter_mut().zip(&found[y * w..]) {
                 if known.iter().any(|v| v.is_nan()) {

@@ -57,7 +57,7 @@ impl Packed {
         let some_beyond = AtomicBool::new(false);
         par::rows(&mut data, length, |y, row| {
             // Rounded a row at once: asked for one number, `half` looks each time for the instruction.
-            let mut floats = vec![0.0f32; length];
+            let mut floats = par::scratch(length);
             fill(y, &mut floats);
             if floats.iter().fold(false, |beyond, v| beyond | !fits(*v)) {
                 some_beyond.store(true, Ordering::Relaxed);
@@ -74,7 +74,7 @@ impl Packed {
         });
         let mut beyond = Vec::new();
         if some_beyond.into_inner() {
-            let mut floats = vec![0.0f32; length];
+            let mut floats = par::scratch(length);
             for (y, row) in data.chunks_exact(length).enumerate().filter(|(_, row)| row.contains(&BEYOND)) {
                 fill(y, &mut floats);
                 let pixels = row.chunks_exact(3 * planes).zip(floats.chunks_exact(3 * planes));
@@ -92,7 +92,7 @@ impl Packed {
     /// Colour `plane` of the pixels of a row.
     pub(crate) fn row(&self, plane: usize, y: usize, out: &mut [Rgb]) {
         let (w, planes) = (out.len(), self.planes);
-        let mut floats = vec![0.0f32; 3 * planes * w];
+        let mut floats = par::scratch(3 * planes * w);
         self.data[3 * planes * w * y..][..3 * planes * w].convert_to_f32_slice(&mut floats);
         for (x, (out, pixel)) in out.iter_mut().zip(floats.chunks_exact(3 * planes)).enumerate() {
             *out = [pixel[plane], pixel[planes + plane], pixel[2 * planes + plane]];

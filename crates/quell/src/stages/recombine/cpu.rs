@@ -30,10 +30,11 @@ fn picture(
     let mut picture = Plane::filled(frame.features.size, [0.0; 3]);
     let width = frame.features.size.width;
     par::rows(picture.data_mut(), width, |y, row| {
-        let mut light = vec![[0.0; 3]; width];
+        let mut light = par::scratch(3 * width);
+        let (light, _) = light.as_chunks_mut::<3>();
         for slot in slots.iter().filter(|slot| frame.in_beauty[slot.light]) {
-            of(slot, y, &mut light);
-            widest!(add(frame, slot, y * width, &mut light, row));
+            of(slot, y, light);
+            widest!(add(frame, slot, y * width, light, row));
         }
     });
     picture

@@ -16,14 +16,18 @@ pub(crate) fn run(frame: &PreparedFrame, slots: &[LightSlot], mut colours: Rows,
     let w = size.width;
     let noisy = |slot: &&LightSlot| matches!(frame.stored[slot.light], Samples::Black | Samples::Packed(_));
     let lights: Vec<_> = slots.iter().filter(noisy).collect();
-    let mut own = Rows::new(size, 3 * lights.len());
-    par::rows(own.data_mut(), (3 * lights.len() * w).max(1), |y, row| {
-        for (slot, row) in lights.iter().zip(row.chunks_exact_mut(3 * w)) {
-            widest!(own_row(frame, slot, y, row));
-        }
-    });
-    let planes: Vec<_> = lights.iter().map(|slot| slot.first..slot.first + slot.planes).collect();
-    correct(&LEVELS, frame.features.first_row, &own, (&mut colours, &planes), Trust::of_lights(s));
+    // One light is kept in the cache, but a loop over its rows is too short for many threads.
+    let together = if par::many() { lights.len() } else { 1 };
+    for lights in lights.chunks(together.max(1)) {
+        let mut own = Rows::new(size, 3 * lights.len());
+        par::rows(own.data_mut(), 3 * lights.len() * w, |y, row| {
+            for (slot, row) in lights.iter().zip(row.chunks_exact_mut(3 * w)) {
+                widest!(own_row(frame, slot, y, row));
+            }
+        });
+        let planes: Vec<_> = lights.iter().map(|slot| slot.first..slot.first + slot.planes).collect();
+        correct(&LEVELS, frame.features.first_row, &own, (&mut colours, &planes), Trust::of_lights(s));
+    }
     colours
 }
 
@@ -51,8 +55,7 @@ pub(crate) fn picture(first: usize, input: &Plane<Rgb>, mut picture: Plane<Rgb>,
     picture
 }
 
-/// All levels of all lights: of each its planes, of which the first is compared with its three channels of `own`. Together, since a loop
-/// over the rows of one light is too short for many threads.
+/// All levels of some lights: of each its planes, of which the first is compared with its three channels of `own`.
 fn correct(
     levels: &[(usize, usize)],
     first: usize,
@@ -60,9 +63,6 @@ fn correct(
     (colours, planes): (&mut Rows, &[Range<usize>]),
     trust: Trust,
 ) {
-    if planes.is_empty() {
-        return;
-    }
     let mut noise = None;
     for &(cell, radius) in levels {
         let level = Level { first, cell, kernel: triangle(radius), trust, planes };
@@ -203,7 +203,7 @@ impl Level<'_> {
         let (w, cell) = (own.size().width, self.cell);
         let plane = self.planes[light].start;
         let across = w.div_ceil(cell);
-        let mut residuals = vec![0.0f32; 2 * w];
+        let mut residuals = par::scratch(2 * w);
         for (y, c) in rows.flat_map(|y| (0..3).map(move |c| (y, c))) {
             let (filtered, own) = (colours.row(y, 3 * plane + c), own.row(y, 3 * light + c));
             let (residual, squared) = residuals.split_at_mut(w);
@@ -231,7 +231,7 @@ impl Level<'_> {
     fn changes_row(&self, smooth: &Rows, (v, light): (usize, usize), around: &[f32], out: &mut [f32]) {
         let w = smooth.size().width;
         let share_of_pixel = squares(&self.kernel) / (self.cell * self.cell) as f32;
-        let mut noise = vec![0.0f32; w];
+        let mut noise = par::scratch(w);
         self.noise_row(smooth, (v, light), &mut noise);
         let first = SUMS * light;
         let [red, green, blue] = [0, 3, 6].map(|c| (smooth.row(v, first + c), smooth.row(v, first + c + 1)));
@@ -277,16 +277,19 @@ impl Level<'_> {
     ) {
         let (w, across) = (columns.len(), changes.size().width);
         // 0 where a pixel came out as it went in.
-        let mut changed = vec![0.0f32; w];
+        let mut changed = par::scratch(w);
         for c in 0..3 {
-            for (changed, (filtered, own)) in changed.iter_mut().zip(out[c * w..].iter().zip(own.row(y, 3 * light + c))) {
+            for (changed, (filtered, own)) in changed.iter_mut().zip(out[c * w..].iter().zip(own.row(y, 3 * light + c)))
+            {
                 *changed = if filtered == own { *changed } else { 1.0 };
             }
         }
-        let mut row = vec![0.0f32; across];
-        let mut factor = vec![0.0f32; w];
+        let mut row = par::scratch(across);
+        let mut factor = par::scratch(w);
         for c in 0..3 {
-            for (row, (a, b)) in row.iter_mut().zip(changes.row(above, 3 * light + c).iter().zip(changes.row(below, 3 * light + c))) {
+            for (row, (a, b)) in
+                row.iter_mut().zip(changes.row(above, 3 * light + c).iter().zip(changes.row(below, 3 * light + c)))
+            {
                 *row = a + (b - a) * ty;
             }
             match self.cell {
@@ -295,7 +298,7 @@ impl Level<'_> {
                 _ => spread_some(&row, columns, &mut factor),
             }
             for plane in out.chunks_exact_mut(3 * w) {
-                for ((value, factor), changed) in plane[c * w..][..w].iter_mut().zip(&factor).zip(&changed) {
+                for ((value, factor), changed) in plane[c * w..][..w].iter_mut().zip(&*factor).zip(&*changed) {
                     *value *= 1.0 + factor * changed;
                 }
             }

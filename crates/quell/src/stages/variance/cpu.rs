@@ -4,6 +4,7 @@ use crate::kernels::guide_distance_cpu::{Distances, Guides, inside, three_rows, 
 use crate::kernels::lanes::{BLOCK, store};
 use crate::kernels::lit_blocks::LitBlocks;
 use crate::kernels::math::LUMINANCE;
+use crate::par;
 use crate::plane::Plane;
 use crate::sequence::settings::{Variance, Wavelet};
 use crate::stages::gather::Gathered;
@@ -28,7 +29,7 @@ pub(crate) fn row<S: Simd>(
     let rows = y.saturating_sub(radius)..(y + radius + 1).min(h);
     let mut distances = Distances::new(radius);
     // Per light: pooled spread, its degrees of freedom, and the moments of the means with their weight.
-    let mut sums = vec![0.0f32; lights * 5 * w];
+    let mut sums = par::scratch(lights * 5 * w);
     let has_given = |l: usize| given.get(l).is_some_and(Option::is_some);
     for x in (0..w).step_by(BLOCK) {
         let lit = lit.within(rows.clone(), x as isize - radius as isize..(x + BLOCK + radius) as isize);

@@ -39,15 +39,15 @@ pub(super) fn data(
     let (light, medium) = (job.luminances(samples), job.medium(media, samples));
     let lit = LitBlocks::new(f.size, n, |y, l| std::iter::once(&light[l].row(y)[PAD..PAD + w]));
     par::rows(&mut near, 2 * n * w, |y, out| {
-        let mut row = vec![0.0f32; out.len()];
+        let mut row = par::scratch(out.len());
         dispatch!(crate::simd::level(), simd => job.near(simd, (&light, &lit), medium.as_ref(), y, &mut row));
         out.convert_from_f32_slice(&row);
     });
     drop((light, lit, medium));
     par::rows(&mut data, 2 * n * w, |y, out| {
-        let mut row = vec![0.0f32; out.len()];
+        let mut row = par::scratch(out.len());
         dispatch!(crate::simd::level(), simd => job.wide(simd, &near, y, &mut row));
-        let mut pixels = vec![0.0f32; out.len()];
+        let mut pixels = par::scratch(out.len());
         for (c, channel) in row.chunks_exact(w).enumerate() {
             for (pixel, value) in pixels.chunks_exact_mut(2 * n).zip(channel) {
                 pixel[c] = *value;
@@ -168,7 +168,7 @@ impl Job<'_> {
                         colours[c * w + x] = pixel[c * samples.planes + light.first];
                     }
                 }
-                let mut floats = vec![0.0f32; 3 * w];
+                let mut floats = par::scratch(3 * w);
                 colours.convert_to_f32_slice(&mut floats);
                 for (x, out) in row.iter_mut().enumerate() {
                     *out = of([floats[x], floats[w + x], floats[2 * w + x]]);
@@ -205,7 +205,7 @@ impl Job<'_> {
         let rows = y.saturating_sub(RADIUS as usize)..(y + RADIUS as usize + 1).min(h);
         let stride = light[0].stride;
         let mut noises = vec![[0.0f32; 2 * BLOCK]; n * w.div_ceil(BLOCK)];
-        let mut column = vec![0.0f32; stride];
+        let mut column = par::scratch(stride);
         let lit_here = lit.within(rows.clone(), 0..w as isize);
         for (l, noises) in noises.chunks_exact_mut(w.div_ceil(BLOCK)).enumerate().filter(|(l, _)| lit_here.has(*l)) {
             least_noise(simd, &light[l], (y, h), &mut column, noises);
