@@ -42,6 +42,12 @@ pub(crate) fn many() -> bool {
     threads() > 4
 }
 
+/// Rows of a band, where a picture is filtered some rows at a time: at least `least`, and `each` for every thread, so that threads seldom
+/// wait for the last one of a band; at most twice `least`, since a band's memory counts.
+pub(crate) fn band(least: usize, each: usize) -> usize {
+    least.max((each * threads()).min(2 * least))
+}
+
 /// Numbers that a call needs for itself, 0 at first, from [`scratch`].
 pub(crate) struct Scratch(Vec<f32>);
 
@@ -176,4 +182,48 @@ fn each_pair<A: Send, B: Send>(a: &mut [A], a_width: usize, b: &mut [B], b_width
     }
     #[cfg(not(feature = "threads"))]
     a.chunks_mut(a_width).zip(b.chunks_mut(b_width)).enumerate().for_each(|(y, (a, b))| f(y, a, b));
+}
+
+#[cfg(all(test, feature = "threads"))]
+mod tests {
+    use super::*;
+
+    /// Longer than a piece, and no multiple of one.
+    const COUNT: usize = 3 * PIECE + 77;
+
+    #[test]
+    fn many_threads_find_what_one_does() {
+        let of = |threads: usize| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            pool.install(|| {
+                assert_eq!(many(), threads > 4);
+                let mut numbers: Vec<u32> = zeros(COUNT);
+                assert_eq!((numbers.len(), numbers.iter().max()), (COUNT, Some(&0)));
+                rows(&mut numbers, 100, |y, row| {
+                    row.iter_mut().enumerate().for_each(|(x, n)| *n = (100 * y + x) as u32)
+                });
+                let odd = count(&mut numbers, |piece| piece.iter().filter(|n| **n % 2 == 1).count());
+                let last = COUNT as u32 - 1;
+                assert!(any(&numbers, |n| *n == last) && !any(&numbers, |n| *n > last));
+                let mut copied = vec![0; COUNT];
+                copy(&mut copied, &map(&numbers, |n| n + 1));
+                (odd, copied)
+            })
+        };
+        let (odd, numbers) = of(6);
+        assert_eq!((odd, numbers.last()), (COUNT / 2, Some(&(COUNT as u32))));
+        assert_eq!((odd, numbers), of(1));
+    }
+
+    #[test]
+    fn memory_that_was_used_before_is_cleared() {
+        let place = {
+            let mut first = scratch(1000);
+            first.fill(7.0);
+            first.as_ptr()
+        };
+        let (second, other) = (scratch(500), scratch(500));
+        assert_eq!(second.as_ptr(), place);
+        assert!(second.iter().chain(other.iter()).all(|v| *v == 0.0));
+    }
 }

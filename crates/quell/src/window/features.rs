@@ -364,6 +364,7 @@ fn pixel_angle(surface: &[SurfacePoint], w: usize, h: usize) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::plane::Plane;
 
     #[test]
     fn albedo_around_is_the_surfaces_where_none_is_seen() {

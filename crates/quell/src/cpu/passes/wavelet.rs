@@ -61,7 +61,7 @@ fn stops(local: &LocalFeatures, slots: &[LightSlot], compared: &Rows, s: &Wavele
 /// Rows that are filtered at once. Few in tests, so that small pictures have some.
 const BAND: usize = if cfg!(test) { 8 } else { 64 };
 
-/// Of a band, so that threads seldom wait for the last one.
+/// Of a band.
 const ROWS_OF_A_THREAD: usize = if cfg!(test) { 0 } else { 8 };
 
 /// Filters in place: a second image of all lights would be the largest of all. A band's rows are put where they belong when the next
@@ -70,7 +70,7 @@ fn filter(level: &Level<'_>, colours: &mut Rows, variance: &mut Rows) {
     let Size { width, height } = colours.size();
     let (cw, vw) = (colours.channels() * width, variance.channels() * width);
     // As many rows as a level looks up and down.
-    let band = BAND.max(2 * level.step as usize).max(ROWS_OF_A_THREAD * par::threads());
+    let band = par::band(BAND, ROWS_OF_A_THREAD).max(2 * level.step as usize);
     let (mut done, mut next) = ([Vec::new(), Vec::new()], [vec![0.0; cw * band], vec![0.0; vw * band]]);
     let put = |[c, v]: &[Vec<f32>; 2], first: usize, colours: &mut Rows, variance: &mut Rows| {
         let rows = first..(first + band).min(height);

@@ -24,12 +24,12 @@ use std::ops::Range;
 /// Rows whose statistics are found at once: those of a whole picture take 300 bytes a pixel. Few in tests, so that small pictures have some.
 const BAND: usize = if cfg!(test) { 16 } else { 128 };
 
-/// Of a band, so that threads seldom wait for the last one.
+/// Of a band.
 const ROWS_OF_A_THREAD: usize = if cfg!(test) { 0 } else { 16 };
 
 /// All rows of a picture, some at a time.
 pub(crate) fn bands(height: usize) -> impl Iterator<Item = Range<usize>> {
-    let band = BAND.max(ROWS_OF_A_THREAD * par::threads());
+    let band = par::band(BAND, ROWS_OF_A_THREAD);
     (0..height).step_by(band).map(move |y| y..(y + band).min(height))
 }
 

@@ -46,7 +46,8 @@ pub(crate) fn picture(first: usize, input: &Plane<Rgb>, mut picture: Plane<Rgb>,
         rows
     };
     let mut corrected = rows(&picture);
-    correct(&PICTURE_LEVELS, first, &rows(input), (&mut corrected, &[0..1]), Trust::of_picture(s));
+    let planes = std::slice::from_ref(&(0..1));
+    correct(&PICTURE_LEVELS, first, &rows(input), (&mut corrected, planes), Trust::of_picture(s));
     par::rows(picture.data_mut(), w, |y, row| {
         for (x, out) in row.iter_mut().enumerate() {
             *out = corrected.colour(x, y, 0);
