@@ -37,9 +37,12 @@ pub(crate) fn copy<T: Copy + Send + Sync>(to: &mut [T], from: &[T]) {
 /// Elements that a thread takes at once where a loop has no rows.
 const PIECE: usize = 1 << 15;
 
-/// True where so many threads share a loop that the parts which one of them does alone are what is waited for.
+/// Up to so many threads, work that is done twice to spread it costs more than it saves. Chosen between 2 and 16, which were measured.
+const FEW: usize = 4;
+
+/// True where more than a few threads share a loop: what one of them does alone, or short loops, are what is waited for then.
 pub(crate) fn many() -> bool {
-    threads() > 4
+    threads() > FEW
 }
 
 /// Rows of a band, where a picture is filtered some rows at a time: at least `least`, and `each` for every thread, so that threads seldom
@@ -55,8 +58,8 @@ thread_local! {
     static KEPT: std::cell::RefCell<Vec<Vec<f32>>> = const { std::cell::RefCell::new(Vec::new()) };
 }
 
-/// So many zeros for a row's work, in memory that this thread used before: where every row of a picture asks the allocator, many threads
-/// wait for each other there.
+/// So many zeros for a row's work, in memory that this thread used before: the command keeps one heap for all threads, whose lock every row
+/// of a picture would take several times.
 pub(crate) fn scratch(count: usize) -> Scratch {
     let kept = KEPT.try_with(|kept| kept.try_borrow_mut().ok()?.pop()).ok().flatten();
     let mut numbers = kept.unwrap_or_default();
@@ -196,7 +199,7 @@ mod tests {
         let of = |threads: usize| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
             pool.install(|| {
-                assert_eq!(many(), threads > 4);
+                assert_eq!(many(), threads > FEW);
                 let mut numbers: Vec<u32> = zeros(COUNT);
                 assert_eq!((numbers.len(), numbers.iter().max()), (COUNT, Some(&0)));
                 rows(&mut numbers, 100, |y, row| {

@@ -94,7 +94,7 @@ pub fn run(context: &Context, args: &BenchArgs) -> Result<(), Failure> {
             table.rows.push(row(name, &|taken| of(taken, name), bytes));
         }
         table.rows.push(row("sum", &sum, None));
-        text.push_str(&format!("{size}, processor time of a frame\n\n{table}\n"));
+        text.push_str(&format!("{size}, processor time of a frame, and its time by the clock\n\n{table}\n"));
         for column in &columns {
             let (threads, clock) = (column.threads, sum(&column.clock));
             text.push_str(&format!("by the clock, {threads} threads: {:.1} ms a frame\n", clock * 1e3));
