@@ -14,7 +14,7 @@ import exr_sequence
 
 BLOCK = 16
 FLOOR = 1e-6  # of a pixel's relative squared error: 0.1 %, what half floats round away and nobody sees
-KEPT = 0.999  # as score_exr.py: the worst 0.1 % of a frame's pixels is left out of relMSE
+KEPT = 0.999  # as score_exr.py: the worst 0.1 % of a frame's pixels is left out of relMSE; before, the 0.1 % whose reference is least known
 
 
 def reference_variance(path, r, noisy, share):
@@ -77,7 +77,10 @@ def frame(job):
     weight = 1 / (r.astype(np.float64) ** 2 + 0.01)
     error = ((x - r) ** 2 * weight).mean(-1)
     doubt = (variance * weight).mean(-1)
-    kept = np.argsort(error, axis=None)[: int(error.size * KEPT)]
+    # Pixels whose reference is least known are left out of every result: a firefly of the input, by which the noise of a reference in one
+    # piece is known, or of the reference itself would be subtracted from those results alone that keep its pixel.
+    certain = np.argsort(doubt, axis=None)[: int(error.size * KEPT)]
+    kept = certain[np.argsort(error.ravel()[certain])[: int(error.size * KEPT**2)]]
     log = lambda v: np.log2(1 + np.maximum(v.mean(-1), 0))
     # the noise of channels goes together, so the deviation of their mean is at most the mean of theirs
     of_log = (np.sqrt(np.maximum(variance, 0)).mean(-1) / ((1 + r.mean(-1)) * np.log(2))) ** 2
