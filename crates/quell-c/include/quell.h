@@ -106,10 +106,11 @@ typedef struct quell_sequence_options {
     const char *renderer; /* whose names and conventions the passes have ("blender", "mitsuba", ...); NULL: told from the names */
     quell_warn warn;      /* NULL: nobody hears */
     void *warn_user;
+    const char *preset; /* "sequence", "sequence-short" (less memory, more noise); NULL: "sequence" */
 } quell_sequence_options;
 
-/* A sequence whose frames are pushed in order; clean ones come out as soon as 11 frames have followed (fewer with other
- * parameters). */
+/* A sequence whose frames are pushed in order; clean ones come out as soon as 11 frames have followed (4 with preset
+ * "sequence-short"). */
 typedef struct quell_sequence quell_sequence;
 
 /* Makes one; options may be NULL. Where it fails *sequence is not written, and message (NULL, or capacity bytes) has the sentence. */

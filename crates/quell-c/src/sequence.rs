@@ -7,7 +7,7 @@ use crate::types::{
     QUELL_OK, quell_frame, quell_ready, quell_sequence_options, quell_status, quell_target, quell_warn,
 };
 use quell::Size;
-use quell::sequence::SequenceSettings;
+use quell::sequence::{SequencePreset, SequenceSettings};
 use quell_frames::arrays::{ArrayPass, filtered, image_of};
 use quell_frames::driver::{Cleaned, Stream, StreamOptions};
 use quell_frames::{AdaptOptions, MapOptions, MotionChoice, Role, Samples};
@@ -175,12 +175,15 @@ fn create(options: *const quell_sequence_options) -> Result<Sequence, Failure> {
         renderer: std::ptr::null(),
         warn: None,
         warn_user: std::ptr::null_mut(),
+        preset: std::ptr::null(),
     };
     // SAFETY: the header asks for a struct that begins with its size, and for strings that end with a zero.
-    let (given, motion, renderer) = unsafe {
+    let (given, motion, renderer, preset) = unsafe {
         let given = if options.is_null() { none } else { memory::versioned("options", options)? };
-        (given, memory::text("motion", given.motion)?, memory::text("renderer", given.renderer)?)
+        let text = |name, from| memory::text(name, from);
+        (given, text("motion", given.motion)?, text("renderer", given.renderer)?, text("preset", given.preset)?)
     };
+    let preset: SequencePreset = preset.as_deref().map_or(Ok(SequencePreset::default()), str::parse)?;
     let motion = match motion.as_deref() {
         None => MotionChoice::Renderer,
         Some("auto") => MotionChoice::Auto,
@@ -191,7 +194,7 @@ fn create(options: *const quell_sequence_options) -> Result<Sequence, Failure> {
     let options = StreamOptions {
         map: MapOptions { renderer, ..MapOptions::default() },
         adapt: AdaptOptions { motion, ..AdaptOptions::default() },
-        settings: SequenceSettings::default(),
+        settings: SequenceSettings::preset(preset),
         cuts: None,
         backend: quell::Backend::default(),
         accelerator: None,

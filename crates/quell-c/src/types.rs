@@ -64,6 +64,7 @@ pub struct quell_sequence_options {
     pub renderer: *const c_char,
     pub warn: quell_warn,
     pub warn_user: *mut c_void,
+    pub preset: *const c_char,
 }
 
 #[repr(C)]

@@ -127,6 +127,9 @@ int main(void) {
     options.warn = warn;
     options.warn_user = &warnings;
     check(quell_sequence_create(&options, NULL, text, sizeof text) == QUELL_INVALID_ARGUMENT, "no room for the handle");
+    options.preset = "paper";
+    check(quell_sequence_create(&options, &s, text, sizeof text) == QUELL_INVALID_ARGUMENT && strstr(text, "sequence-short"), "a preset of the other filter");
+    options.preset = "sequence-short";
     check(quell_sequence_create(&options, &s, NULL, 0) == QUELL_OK, "it is made");
 
     /* Handles that are none. */

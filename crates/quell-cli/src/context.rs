@@ -5,7 +5,7 @@ use crate::args::values::TracerChoice;
 use crate::backend::Choice;
 use crate::failure::Failure;
 use crate::output;
-use quell::sequence::{SEQUENCE_PARAMETERS, SequenceSettings};
+use quell::sequence::{SEQUENCE_PARAMETERS, SequencePreset, SequenceSettings};
 use quell::settings::PARAMETERS;
 use quell::{Preset, Settings};
 use quell_lab::backend::Backend;
@@ -14,9 +14,6 @@ use quell_lab::tracer::TraceOn;
 use serde_json::{Map, Value};
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
-
-/// The one preset of the filter of sequences.
-pub const SEQUENCE_PRESET: &str = "sequence";
 
 /// Resolved from the common options.
 #[derive(Clone, Debug)]
@@ -27,6 +24,8 @@ pub struct Context {
     pub report_file: Option<PathBuf>,
     pub settings: Settings,
     pub preset: Preset,
+    /// For commands that run the sequence filter.
+    pub sequence_preset: SequencePreset,
     choice: Choice,
     tracer: Option<TracerChoice>,
     /// The command line as it was typed.
@@ -59,6 +58,7 @@ impl Context {
             report_file: common.report.clone(),
             settings,
             preset,
+            sequence_preset: SequencePreset::default(),
             choice: Choice::new(common.backend, common.device.clone())?,
             tracer: common.tracer,
             command: command_line(&common.arguments),
@@ -66,20 +66,24 @@ impl Context {
         })
     }
 
-    /// Whether the options ask for the preset of the sequence filter.
+    /// Whether the options ask for a preset of the sequence filter.
     pub fn asks_for_sequences(common: &Common) -> Result<bool, Failure> {
         let file = common.settings.as_deref().map(SettingsFile::read).transpose()?.unwrap_or_default();
-        Ok(common.preset.as_deref().or(file.preset.as_deref()) == Some(SEQUENCE_PRESET))
+        let name = common.preset.as_deref().or(file.preset.as_deref());
+        Ok(name.is_some_and(|name| name.parse::<SequencePreset>().is_ok()))
     }
 
     /// For the sequence filter, which has parameters of its own: what a command without them runs on, and those.
     pub fn for_sequences(common: &Common) -> Result<(Self, SequenceSettings), Failure> {
         let file = common.settings.as_deref().map(SettingsFile::read).transpose()?.unwrap_or_default();
-        if let Some(other) = common.preset.as_deref().or(file.preset.as_deref()).filter(|name| *name != SEQUENCE_PRESET)
-        {
-            return Err(Failure::Usage(format!("no preset `{other}` for sequences; there is: {SEQUENCE_PRESET}")));
-        }
-        let mut settings = SequenceSettings::default();
+        let sequence_preset = match common.preset.as_deref().or(file.preset.as_deref()) {
+            Some(name) => name.parse().map_err(|_| {
+                let known = SequencePreset::ALL.map(SequencePreset::name).join(", ");
+                Failure::Usage(format!("no preset `{name}` for sequences; there are: {known}"))
+            })?,
+            None => SequencePreset::default(),
+        };
+        let mut settings = SequenceSettings::preset(sequence_preset);
         for (name, value) in &file.values {
             let place = |e: quell::Error| Failure::Usage(format!("{}: {e}", file.path.display()));
             settings.set(name, value).map_err(place)?;
@@ -88,7 +92,7 @@ impl Context {
             settings.set(&setting.name, &setting.value)?;
         }
         let plain = Common { preset: None, set: Vec::new(), settings: None, ..common.clone() };
-        let context = Self::new(&plain)?;
+        let context = Self { sequence_preset, ..Self::new(&plain)? };
         context.prefers_cpu();
         Ok((context, settings))
     }
@@ -97,7 +101,7 @@ impl Context {
     pub fn sequence_report(&self, settings: &SequenceSettings) -> Report {
         let mut report = self.report();
         report.settings.retain(|name, _| name.starts_with("backend"));
-        report.settings.insert("preset".to_owned(), SEQUENCE_PRESET.into());
+        report.settings.insert("preset".to_owned(), self.sequence_preset.name().into());
         for parameter in SEQUENCE_PARAMETERS {
             if let Ok(value) = settings.get(parameter.name) {
                 report.settings.insert(parameter.name.to_owned(), value.into());

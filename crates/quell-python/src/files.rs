@@ -25,12 +25,13 @@ enum Told {
 /// `hear(kind, number, text)` is called while it runs: `warning`, `begun` (how many frames), `done`, `failed`.
 #[pyfunction]
 #[expect(clippy::too_many_arguments, reason = "one caller, which names them")]
-#[pyo3(signature = (inputs, output, settings, frames, shot, cuts, existing, motion, renderer, passes, beauty_only, layer, view,
-    map_to, noise_pass, max_memory, backend_name, device, threads, hear))]
+#[pyo3(signature = (inputs, output, preset, settings, frames, shot, cuts, existing, motion, renderer, passes, beauty_only, layer,
+    view, map_to, noise_pass, max_memory, backend_name, device, threads, hear))]
 pub fn denoise_files<'py>(
     py: Python<'py>,
     inputs: Vec<PathBuf>,
     output: PathBuf,
+    preset: &str,
     settings: Vec<(String, String)>,
     frames: Option<Vec<i64>>,
     shot: Option<Vec<i64>>,
@@ -77,7 +78,7 @@ pub fn denoise_files<'py>(
         cuts,
         map: MapOptions { layer, view, map: map_to, aliases: None, renderer },
         adapt: AdaptOptions { motion: motion_choice(motion), beauty_only, passes, noise_pass },
-        settings: sequence_settings(&settings)?,
+        settings: sequence_settings(preset, &settings)?,
         max_memory,
         bands: None,
         backend: backend.on_this_processor(),

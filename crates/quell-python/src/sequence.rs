@@ -130,10 +130,11 @@ struct Given {
 #[pymethods]
 impl Frames {
     #[new]
-    #[pyo3(signature = (settings, motion, renderer, cuts, backend_name, device, threads))]
+    #[pyo3(signature = (preset, settings, motion, renderer, cuts, backend_name, device, threads))]
     #[expect(clippy::too_many_arguments, reason = "one caller, which names them")]
     fn new(
         py: Python<'_>,
+        preset: &str,
         settings: Vec<(String, String)>,
         motion: Option<&str>,
         renderer: Option<String>,
@@ -142,7 +143,7 @@ impl Frames {
         device: Option<&str>,
         threads: Option<usize>,
     ) -> PyResult<Self> {
-        let settings = sequence_settings(&settings)?;
+        let settings = sequence_settings(preset, &settings)?;
         // Opening a device takes seconds.
         let backend = py.detach(|| backend(backend_name, device))?;
         let options = StreamOptions {

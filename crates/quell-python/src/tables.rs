@@ -2,7 +2,7 @@
 
 use crate::failure::Failure;
 use pyo3::prelude::*;
-use quell::sequence::{SEQUENCE_PARAMETERS, SequenceSettings};
+use quell::sequence::{SEQUENCE_PARAMETERS, SequencePreset, SequenceSettings};
 use quell::settings::PARAMETERS;
 use quell::{Preset, Settings};
 
@@ -18,8 +18,8 @@ type Row = (&'static str, String, String, &'static str, &'static str, &'static s
 /// The parameters of a preset, in the order of its stages.
 #[pyfunction]
 pub fn parameters(preset: &str) -> PyResult<Vec<Row>> {
-    if preset == "sequence" {
-        let settings = SequenceSettings::default();
+    if let Ok(preset) = preset.parse() {
+        let settings = SequenceSettings::preset(preset);
         let row = |p: &quell::parameter::Parameter<SequenceSettings>| {
             let value = settings.get(p.name).map_err(Failure::from)?;
             Ok((p.name, value, p.range(), p.unit, p.doc, p.higher, p.lower, p.source))
@@ -35,19 +35,32 @@ pub fn parameters(preset: &str) -> PyResult<Vec<Row>> {
 }
 
 /// The settings of the sequence filter.
-pub fn sequence_settings(values: &[(String, String)]) -> Result<SequenceSettings, Failure> {
-    let mut settings = SequenceSettings::default();
+pub fn sequence_settings(preset: &str, values: &[(String, String)]) -> Result<SequenceSettings, Failure> {
+    let preset: SequencePreset = preset.parse().map_err(|error: quell::Error| match error {
+        quell::Error::UnknownPreset { name, known } => Failure::input(format!(
+            "preset: `{name}`; of sequences there are: {known} (and of `Denoiser`: {})",
+            realtime()
+        )),
+        error => error.into(),
+    })?;
+    let mut settings = SequenceSettings::preset(preset);
     for (name, value) in values {
         settings.set(name, value)?;
     }
     Ok(settings)
 }
 
+/// Names of the real-time filter's presets.
+fn realtime() -> String {
+    Preset::ALL.map(Preset::name).join(", ")
+}
+
 /// The settings of the real-time filter.
 pub fn realtime_settings(preset: &str, values: &[(String, String)]) -> Result<Settings, Failure> {
     let preset: Preset = preset.parse().map_err(|error: quell::Error| match error {
         quell::Error::UnknownPreset { name, known } => {
-            Failure::input(format!("preset: unknown preset `{name}`; there are: {known}, sequence"))
+            let sequences = SequencePreset::ALL.map(SequencePreset::name).join(", ");
+            Failure::input(format!("preset: unknown preset `{name}`; there are: {known}, {sequences}"))
         }
         error => error.into(),
     })?;

@@ -173,7 +173,7 @@ class Bad(unittest.TestCase):
         self.refuses(r"^backend: `cuda`; there are cpu, gpu, auto, reference", backend="cuda")
         self.refuses(r"^device: it names a GPU", device="llvmpipe")
         self.refuses(r"^threads: 0", threads=0)
-        self.refuses(r"^preset: `fast`", preset="fast")
+        self.refuses(r"^preset: `fast`; of sequences there are: sequence, sequence-short", preset="fast")
         self.refuses(r"^lookahead: -1", lookahead=-1)
         self.refuses(r"blend.strength`: `9", strength=9)
         self.refuses(r"^camera: shape \(3, 3\)", camera=np.eye(3))
@@ -415,13 +415,13 @@ class Realtime(unittest.TestCase):
 
 class Tables(unittest.TestCase):
     def test_every_parameter_can_be_set_to_its_default(self):
-        for preset, least in (("sequence", 60), ("paper", 40)):
+        for preset, least in (("sequence", 60), ("sequence-short", 60), ("paper", 40)):
             table = quell.parameters(preset)
             self.assertGreater(len(table), least)
             settings = {p.name: p.default for p in table}
-            quell.Sequence(settings=settings) if preset == "sequence" else quell.Denoiser((4, 4), settings=settings)
+            quell.Denoiser((4, 4), settings=settings) if preset == "paper" else quell.Sequence(settings=settings)
             self.assertTrue(all(p.doc and p.range and p.source for p in table))
-        with self.assertRaisesRegex(quell.InputError, "unknown preset `x`; there are: paper, quality, sequence"):
+        with self.assertRaisesRegex(quell.InputError, "unknown preset `x`; there are: paper, quality, sequence, sequence-short"):
             quell.parameters("x")
 
 

@@ -1,7 +1,7 @@
 //! The page of every parameter of both filters: `docs/parameters.md`.
 
 use crate::parameter::Parameter;
-use crate::sequence::{SEQUENCE_PARAMETERS, SequenceSettings};
+use crate::sequence::{SEQUENCE_PARAMETERS, SequencePreset, SequenceSettings};
 use crate::settings::{PARAMETERS, Preset, Settings};
 use std::fmt::Write as _;
 
@@ -14,25 +14,35 @@ pub fn parameters_markdown() -> String {
          [E] the authors' engine, [I] inferred, [O] open, a choice of ours (`docs/paper.md`).\n",
     );
     add_table(&mut page, PARAMETERS, &Settings::default());
-    add_preset(&mut page, Preset::Quality);
+    let (names, page_of) = ((Preset::Paper.name(), Preset::Quality.name()), "quality");
+    add_preset(&mut page, names, page_of, PARAMETERS, &Settings::default(), &Settings::preset(Preset::Quality));
     page.push_str(
         "\n# Parameters of the sequence filter\n\nPreset `sequence`, of `quell denoise` (`docs/sequence.md`). Radii are in pixels of \
          any picture.\n",
     );
-    add_table(&mut page, SEQUENCE_PARAMETERS, &SequenceSettings::default());
+    let (first, short) = (SequencePreset::Sequence, SequencePreset::Short);
+    let (defaults, settings) = (SequenceSettings::preset(first), SequenceSettings::preset(short));
+    add_table(&mut page, SEQUENCE_PARAMETERS, &defaults);
+    add_preset(&mut page, (first.name(), short.name()), "sequence", SEQUENCE_PARAMETERS, &defaults, &settings);
     page
 }
 
-/// What a preset changes.
-fn add_preset(page: &mut String, preset: Preset) {
-    let settings = Settings::preset(preset);
+/// What a preset changes: `names` of the preset with the defaults and of this one, and the page of `docs` that describes it.
+fn add_preset<S>(
+    page: &mut String,
+    names: (&str, &str),
+    described: &str,
+    parameters: &[Parameter<S>],
+    defaults: &S,
+    settings: &S,
+) {
+    let (first, name) = names;
     let _ = write!(
         page,
-        "\n## Preset {0}\n\nWhat it changes (`docs/{0}.md`).\n\n| parameter | `paper` | `{0}` |\n|---|---|---|\n",
-        preset.name()
+        "\n## Preset {name}\n\nWhat it changes (`docs/{described}.md`).\n\n| parameter | `{first}` | `{name}` |\n|---|---|---|\n"
     );
-    for p in PARAMETERS {
-        let (default, value) = ((p.get)(&Settings::default()), (p.get)(&settings));
+    for p in parameters {
+        let (default, value) = ((p.get)(defaults), (p.get)(settings));
         if value != default {
             let _ = writeln!(page, "| `{}` | {default} | {value} |", p.name);
         }

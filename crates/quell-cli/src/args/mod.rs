@@ -78,7 +78,7 @@ pub struct Common {
     /// What traces scenes for render, demo, compare, reproduce and bench, cpu or gpu [default: gpu with --backend gpu on a real GPU, else cpu]
     #[arg(long, global = true, value_name = "NAME", value_parser = values::tracer)]
     pub tracer: Option<values::TracerChoice>,
-    /// Named values of all parameters: paper, quality, or sequence for denoise [default: these]
+    /// Named values of all parameters: paper, quality; of denoise: sequence, sequence-short [default: the first of each]
     #[arg(long, global = true, value_name = "NAME")]
     pub preset: Option<String>,
     /// Set one parameter; repeatable; `quell explain` lists them
@@ -321,7 +321,7 @@ pub enum ReproducePart {
     Paths,
 }
 
-/// Print the pipeline of a preset (paper, quality, sequence) as it will run, with every parameter; or what a scene holds
+/// Print the pipeline of a preset (paper, quality, sequence, sequence-short) as it will run, with every parameter; or what a scene holds
 #[derive(Debug, Args)]
 #[command(before_help = "Example: quell explain --set firefly.enabled=off")]
 pub struct ExplainArgs {

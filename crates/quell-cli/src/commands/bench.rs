@@ -3,7 +3,7 @@
 #[cfg(feature = "gpu")]
 mod budget;
 mod cycles;
-mod sequence;
+pub mod sequence;
 mod synthetic;
 
 use crate::args::BenchArgs;
@@ -44,9 +44,6 @@ const PAPER_SIZE: Size = Size { width: 1280, height: 720 };
 pub fn run(context: &Context, args: BenchArgs) -> Result<(), Failure> {
     if args.scene.is_none() && args.environment.environment.is_some() {
         return Err(Failure::Usage("--environment is for scenes; name one with --scene".to_owned()));
-    }
-    if args.sequence {
-        return sequence::run(context, &args);
     }
     let backend = context.backend()?;
     #[cfg(feature = "gpu")]

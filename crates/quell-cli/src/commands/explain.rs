@@ -2,7 +2,7 @@
 
 use crate::args::ExplainArgs;
 use crate::commands::explain_scene;
-use crate::context::{Context, SEQUENCE_PRESET};
+use crate::context::Context;
 use crate::failure::Failure;
 use crate::output;
 use crate::sequence::times::paper_number;
@@ -56,8 +56,8 @@ fn explain_pipeline(context: &Context) -> Result<(), Failure> {
 /// The sequence filter's pipeline: `quell explain --preset sequence`.
 pub fn sequence(context: &Context, settings: &SequenceSettings) -> Result<(), Failure> {
     let plan = SequencePlan::new(settings);
-    let preset = SequenceSettings::default();
-    let mut text = heading(SEQUENCE_PRESET, *settings != preset, "each frame of a window");
+    let preset = SequenceSettings::preset(context.sequence_preset);
+    let mut text = heading(context.sequence_preset.name(), *settings != preset, "each frame of a window");
     text.push_str(&format!("{plan}\n"));
     let table = Table {
         parameters: SEQUENCE_PARAMETERS,

@@ -54,6 +54,11 @@ pub fn run(cli: Cli) -> Result<(), Failure> {
                 let (context, settings) = Context::for_sequences(&cli.common)?;
                 return explain::sequence(&context, &settings);
             }
+            Command::Bench(args) if args.sequence => {
+                let (context, settings) = Context::for_sequences(&cli.common)?;
+                interrupt::install()?;
+                return bench::sequence::run(&context, &settings, &args);
+            }
             other => other,
         };
         let context = Context::new(&cli.common)?;

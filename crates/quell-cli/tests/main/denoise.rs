@@ -34,6 +34,9 @@ fn frames_are_written_reported_and_left_alone_the_next_time() {
     assert!(out(&dry).contains("would write   4 frames: 1-4"), "{}", out(&dry));
     assert!(out(&dry).contains("matte"), "{}", out(&dry));
     assert!(!folder.0.join("clean").exists());
+    let short = run(&folder.0, &[&base[..], &["--dry-run", "--json", "--preset", "sequence-short"]].concat());
+    let value: Value = serde_json::from_str(&out(&short)).expect("JSON");
+    assert_eq!((&value["settings"]["preset"], &value["reach"]), (&"sequence-short".into(), &4.into()));
 
     let output = run(&folder.0, &[&base[..], &["--json", "-v", "--report", "r.json"]].concat());
     assert_eq!(output.status.code(), Some(0), "{}", err(&output));

@@ -200,6 +200,10 @@ fn explain_shows_every_parameter_and_what_was_changed() {
         assert!(sequence.contains(&format!(" {} = ", parameter.name)), "{}", parameter.name);
     }
     assert!(sequence.contains("* wavelet.levels = 3"), "{sequence}");
+    let short = out(&run(&folder.0, &["explain", "--preset", "sequence-short"]));
+    assert!(short.contains("  gather.frames = 3 ") && short.contains("depends on 4 frames"), "{short}");
+    let changed = |line: &&str| line.starts_with("* ");
+    assert_eq!(short.lines().find(changed), None);
     // Both say of each stage what it reads, what it writes, and how far it looks.
     for (text, stage) in [(&output, "7 Matte Bilateral"), (&sequence, "wavelet")] {
         let line = text.lines().find(|line| line.starts_with(stage)).expect("the stage");

@@ -5,6 +5,7 @@
 use super::{Input, Method};
 use crate::backend::{Backend, Denoiser};
 use crate::error::Error;
+use quell::sequence::SequencePreset;
 pub use quell::settings::{ABLATIONS, Ablation};
 use quell::{Plane, Preset, Rgb, Settings};
 
@@ -31,7 +32,8 @@ impl Quell {
         let mut settings = match preset.parse::<Preset>() {
             Ok(preset) => Settings::preset(preset),
             Err(_) => {
-                let mut known = Preset::ALL.iter().map(|p| p.name()).chain(["sequence"]);
+                let mut known =
+                    Preset::ALL.iter().map(|p| p.name()).chain(SequencePreset::ALL.map(SequencePreset::name));
                 return Err(unknown(preset, &mut known));
             }
         };

@@ -1,4 +1,4 @@
-//! quell's filter of whole sequences: `quell:sequence`, then any number of `+stage.parameter=value`.
+//! quell's filter of whole sequences: `quell:sequence` or `quell:sequence-short`, then any number of `+stage.parameter=value`.
 //!
 //! The filter of `quell denoise`, on the same frames and feature buffers as the others get, with the world positions that
 //! follow from depth and camera. It sees the frames after each one, too: its first picture comes when that many frames are in.
@@ -6,7 +6,7 @@
 use super::{FinishedPicture, Input, Method};
 use crate::backend::Backend;
 use crate::error::Error;
-use quell::sequence::{Filtered, Light, LightKind, SequenceDenoiser, SequenceFrame, SequenceSettings};
+use quell::sequence::{Filtered, Light, LightKind, SequenceDenoiser, SequenceFrame, SequencePreset, SequenceSettings};
 use quell::{Frame, Plane, PlaneRef, Rgb};
 use std::sync::Arc;
 
@@ -25,10 +25,10 @@ impl Sequence {
     /// [`Error::Quell`] for a parameter that does not exist or has a value out of its range.
     pub fn parse(variant: &str) -> Result<Option<Self>, Error> {
         let mut parts = variant.split('+');
-        if parts.next() != Some("sequence") {
+        let Ok(preset) = parts.next().unwrap_or_default().parse::<SequencePreset>() else {
             return Ok(None);
-        }
-        let mut settings = SequenceSettings::default();
+        };
+        let mut settings = SequenceSettings::preset(preset);
         for part in parts {
             let (name, value) = part.split_once('=').ok_or_else(|| Error::UnknownMethod {
                 name: part.to_owned(),

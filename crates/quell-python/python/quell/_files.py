@@ -119,7 +119,7 @@ def denoise_files(
                 warn(text, seen)
 
         report = _quell.denoise_files(
-            _paths(inputs), os.fspath(output), sequence_values(preset, settings, strength, lookahead),
+            _paths(inputs), os.fspath(output), preset, sequence_values(settings, strength, lookahead),
             _numbers(frames), _numbers(shot), _numbers(cuts), existing, motion_convention, renderer,
             None if passes is None or beauty_only else [str(p) for p in passes], beauty_only, layer, view, _map(roles),
             noise_pass, max_memory, backend, device, threads, hear,

@@ -11,6 +11,7 @@ _Emit = Callable[[int, int, int, list[tuple[str, int, bool, bytearray]], bytearr
 class Frames:
     def __init__(
         self,
+        preset: str,
         settings: list[tuple[str, str]],
         motion: str | None,
         renderer: str | None,

@@ -74,7 +74,7 @@ class Sequence:
     lookahead : int, optional
         Frames before and after that take part. Fewer: less memory, less delay, more noise. 0: only frames before.
     preset : str
-        `sequence`.
+        `sequence`, or `sequence-short`: a window of 4 frames each way, less memory, more noise.
     strength : float, optional
         How much noise is removed: 1 as much as pays, less leaves grain (0 is the input), up to 4 smooths further.
     settings : dict, optional
@@ -120,7 +120,8 @@ class Sequence:
             if min(size) < 1:
                 raise InputError(f"size: {size}; both extents must be at least 1")
         self._size = self._extent = size
-        self._options = (sequence_values(preset, settings, strength, lookahead), renderer, cuts, backend, device, threads)
+        values = sequence_values(settings, strength, lookahead)
+        self._options = (preset, values, renderer, cuts, backend, device, threads)
         self._motion = motion_convention
         self._frames: Any = None
         #: Of each pass: its number of axes, and how an array becomes one of its kind.
@@ -133,8 +134,9 @@ class Sequence:
         self._lookahead = int(self._start(motion_convention).lookahead())
 
     def _start(self, motion: str | None) -> Any:
-        settings, renderer, cuts, backend, device, threads = self._options
-        return _quell.Frames(settings, motion, renderer, None if cuts is None else list(cuts), backend, device, threads)
+        preset, settings, renderer, cuts, backend, device, threads = self._options
+        cuts = None if cuts is None else list(cuts)
+        return _quell.Frames(preset, settings, motion, renderer, cuts, backend, device, threads)
 
     @property
     def lookahead(self) -> int:

@@ -38,8 +38,8 @@ class Parameter:
 
 
 def parameters(preset: str = "sequence") -> list[Parameter]:
-    """Every parameter of a preset in the order of its stages: `sequence` for `denoise`, `Sequence` and `denoise_files`,
-    `paper` for `Denoiser`.
+    """Every parameter of a preset in the order of its stages: `sequence` and `sequence-short` for `denoise`, `Sequence` and
+    `denoise_files`, `paper` and `quality` for `Denoiser`.
 
     >>> import quell
     >>> next(p for p in quell.parameters() if p.name == "blend.strength").default
@@ -65,11 +65,9 @@ def values(settings: Mapping[str, Any] | None) -> list[tuple[str, str]]:
 
 
 def sequence_values(
-    preset: str, settings: Mapping[str, Any] | None, strength: float | None, lookahead: int | None
+    settings: Mapping[str, Any] | None, strength: float | None, lookahead: int | None
 ) -> list[tuple[str, str]]:
     """What is set, in the order in which it counts: `settings` last."""
-    if preset != "sequence":
-        raise InputError(f"preset: `{preset}`; sequences have the preset `sequence` (and `Denoiser` the preset `paper`)")
     found: list[tuple[str, str]] = []
     if lookahead is not None:
         if isinstance(lookahead, bool) or not isinstance(lookahead, int) or lookahead < 0:

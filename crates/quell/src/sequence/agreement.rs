@@ -35,7 +35,7 @@ const BOUNDS: [(&str, Bound); 15] = [
     ("gather", Bound { relative: 2e-5, flips: 0.0 }),
     // Sums of f32; the spread over space is a difference of sums, multiplied by up to 17 samples.
     ("variance", Bound { relative: 1e-4, flips: 0.0 }),
-    // Five levels whose stops depend on what the level before made.
+    // Four levels whose stops depend on what the level before made.
     ("wavelet", Bound { relative: 1e-4, flips: 0.0 }),
     // Ratios of sums over some hundred pixels in f32, in the reference in f64; shrinkage by a difference of nearly equal numbers.
     ("residual", Bound { relative: 1e-4, flips: 0.0 }),

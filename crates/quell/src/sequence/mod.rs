@@ -37,7 +37,7 @@ pub use pipeline::{SequencePlan, SequenceStage};
 #[cfg(all(feature = "internals", feature = "cpu"))]
 pub use run::BlendView;
 pub(crate) use run::SequenceStages;
-pub use settings::{SEQUENCE_PARAMETERS, SequenceSettings};
+pub use settings::{SEQUENCE_PARAMETERS, SequencePreset, SequenceSettings};
 
 /// What a device is handed, for hosts that run stages on one ([`Accelerator`]), and for tests.
 #[allow(unused_imports, reason = "without the feature `internals` few are used")]

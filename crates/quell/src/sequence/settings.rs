@@ -1,6 +1,56 @@
-//! Every parameter of the sequence filter, declared once; the preset `sequence`.
+//! Every parameter of the sequence filter, declared once, and its presets.
 
+use crate::error::Error;
 use crate::parameter::parameters;
+
+/// A named set of values of the sequence filter's parameters.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum SequencePreset {
+    /// The least error: samples of 8 frames before and 8 after, pictures of 3. What the nets were trained with.
+    #[default]
+    Sequence,
+    /// For previews, long shots and machines with little memory: samples of 3 frames before and 3 after, pictures of 1, so that
+    /// 9 frames wait in memory in place of 23. What it costs: `docs/sequence.md`.
+    Short,
+}
+
+impl SequencePreset {
+    /// All presets.
+    pub const ALL: [Self; 2] = [Self::Sequence, Self::Short];
+
+    /// The name on the command line.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Sequence => "sequence",
+            Self::Short => "sequence-short",
+        }
+    }
+}
+
+impl std::str::FromStr for SequencePreset {
+    type Err = Error;
+
+    fn from_str(name: &str) -> Result<Self, Error> {
+        Self::ALL
+            .into_iter()
+            .find(|p| p.name() == name)
+            .ok_or_else(|| Error::UnknownPreset { name: name.to_owned(), known: Self::ALL.map(Self::name).join(", ") })
+    }
+}
+
+impl SequenceSettings {
+    /// The values of a preset.
+    pub fn preset(preset: SequencePreset) -> Self {
+        match preset {
+            SequencePreset::Sequence => Self::default(),
+            SequencePreset::Short => Self {
+                gather: Gather { frames: 3, ..Gather::default() },
+                stabilise: Stabilise { frames: 1, ..Stabilise::default() },
+                ..Self::default()
+            },
+        }
+    }
+}
 
 parameters! {
     /// The value of every parameter of the sequence filter. The default is the preset `sequence`.
@@ -117,8 +167,8 @@ parameters! {
     }
     /// Edge-avoiding a-trous wavelet (Dammertz et al. 2010) with a luminance stop (SVGF, Schied et al. 2017).
     wavelet: Wavelet {
-        levels: u32 = 5, 0..=8, "", "Levels; level i has taps 2^i pixels apart.",
-            higher "Smoother.", lower "Noisier.", source "SVGF: 5";
+        levels: u32 = 4, 0..=8, "", "Levels; level i has taps 2^i pixels apart.",
+            higher "Smoother.", lower "Noisier.", source "ours: docs/trials.md; SVGF: 5";
         transmission_levels: u32 = 4, 0..=8, "", "Levels for light through glass.",
             higher "Smoother.", lower "Sharper.", source "ours";
         matte: f32 = 2.2, 0.0..=64.0, "standard deviations", "Luminance stop of indirect matte light.",
@@ -228,9 +278,9 @@ parameters! {
             higher "Edges stay as they are with many samples a pixel.", lower "Fine detail may go with the noise of edges.", source "ours: docs/trials.md";
         kernel_contrast: f32 = 4.0, 1.0..=1e6, "times", "How much brighter than a pixel those around count for its kernel.",
             higher "Lamps leak into dark pixels beside them.", lower "Edges of bright things keep their noise.", source "ours: docs/trials.md";
-        excess: f32 = 0.1, 0.0..=64.0, "of the noise", "Without the net: the next more filtered picture is taken whole where its squared distance from the input exceeds the noise by less.",
+        excess: f32 = 0.1, 0.0..=64.0, "of the noise", "Without the net: the next more filtered picture is taken whole where its squared distance from the input exceeds the noise by less; where noise is strong, up to `blend.guard` times the noise.",
             higher "Smoother, detail is lost.", lower "Noisier.", source "ours";
-        softness: f32 = 0.4, 0.01..=64.0, "of the noise", "Without the net: excess over which its share falls to nothing.",
+        softness: f32 = 0.4, 0.01..=64.0, "of the same", "Without the net: excess over which its share falls to nothing.",
             higher "Softer changes between pictures.", lower "Harder ones.", source "ours";
         strength: f32 = 1.0, 0.0..=4.0, "", "Share of the noise removal that comes out; beyond 1 the more filtered pictures gain.",
             higher "Smoother.", lower "Grain comes back: 0 is the input.", source "ours";

@@ -42,10 +42,9 @@ fn sum(taken: &[Taken]) -> f64 {
     taken.iter().map(|t| t.seconds).sum()
 }
 
-pub fn run(context: &Context, args: &BenchArgs) -> Result<(), Failure> {
+pub fn run(context: &Context, settings: &SequenceSettings, args: &BenchArgs) -> Result<(), Failure> {
     let bandwidth = Bandwidth::of(&Backend::Cpu(quell::Backend::Cpu), args.bandwidth)?;
-    let report = context.report();
-    let settings = SequenceSettings::default();
+    let report = context.sequence_report(settings);
     let all = rayon::current_num_threads();
     let mut counts = vec![1, all];
     counts.dedup();
@@ -56,7 +55,7 @@ pub fn run(context: &Context, args: &BenchArgs) -> Result<(), Failure> {
         for &threads in &counts {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
             let pool = pool.map_err(|e| Failure::Usage(format!("{threads} threads cannot be started: {e}")))?;
-            columns.push(pool.install(|| measure(size, &settings, args.count as usize, threads))?);
+            columns.push(pool.install(|| measure(size, settings, args.count as usize, threads))?);
         }
         let mut rivals = match args.against {
             Some(Rival::Oidn) => Others::oidn(size)?,
@@ -65,7 +64,7 @@ pub fn run(context: &Context, args: &BenchArgs) -> Result<(), Failure> {
         let beside = if rivals.each.is_empty() {
             None
         } else {
-            Some(compare(size, &settings, args.count as usize, &mut rivals)?)
+            Some(compare(size, settings, args.count as usize, &mut rivals)?)
         };
         let mut head = vec!["stage".to_owned()];
         head.extend(counts.iter().map(|n| format!("ms, {n} thread{}", if *n == 1 { "" } else { "s" })));

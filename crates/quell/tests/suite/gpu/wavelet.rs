@@ -9,7 +9,7 @@ use quell::sequence::{
 use quell::{Backend, Plane, Rgb, Size};
 use std::sync::Arc;
 
-/// Largest difference of one frame, relative to the value plus its plane's mean. Five levels of sums of 25 terms, whose
+/// Largest difference of one frame, relative to the value plus its plane's mean. Four levels of sums of 25 terms, whose
 /// weights are 16th powers of quotients: WGSL allows a quotient 2.5 units in the last place, and sums may be fused. The
 /// luminance stop subtracts variances of like size, so it shows what they lost. Nothing is decided at a threshold: no pixel
 /// may lie beyond. Lavapipe, which rounds every step as the CPU does, is 4e-7 away.
