@@ -220,9 +220,9 @@ mod tests {
         let mut s = SequenceSettings::default();
         let plan = SequencePlan::new(&s);
         assert_eq!(plan.frames(), 11);
-        // Four levels: 2 * 15 + 5; variance 2, feature noise 2, the windows of stabilise and blend: 10 each, the net of blend: 20, its
+        // Four levels: 2 * 15 + 4; variance 2, feature noise 2, the windows of stabilise and blend: 10 each, the net of blend: 20, its
         // guards 2 each and its kernel 1; residual 56, and 40; two footprints of 2.
-        assert_eq!(plan.rows(0.0, 100.0), 35 + 2 + 2 + 10 + 10 + 20 + 2 * 2 + 1 + 56 + 40 + 2 * 2);
+        assert_eq!(plan.rows(0.0, 100.0), 34 + 2 + 2 + 10 + 10 + 20 + 2 * 2 + 1 + 56 + 40 + 2 * 2);
         assert_eq!(plan.rows(1.5, 100.0), plan.rows(0.0, 100.0) + 12 + 5);
         assert_eq!(plan.rows(1000.0, 30.0), plan.rows(0.0, 100.0) + 30 + 30);
         s.stabilise.frames = 0;

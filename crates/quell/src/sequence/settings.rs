@@ -278,9 +278,9 @@ parameters! {
             higher "Edges stay as they are with many samples a pixel.", lower "Fine detail may go with the noise of edges.", source "ours: docs/trials.md";
         kernel_contrast: f32 = 4.0, 1.0..=1e6, "times", "How much brighter than a pixel those around count for its kernel.",
             higher "Lamps leak into dark pixels beside them.", lower "Edges of bright things keep their noise.", source "ours: docs/trials.md";
-        excess: f32 = 0.1, 0.0..=64.0, "of the noise", "Without the net: the next more filtered picture is taken whole where its squared distance from the input exceeds the noise by less; where noise is strong, up to `blend.guard` times the noise.",
+        excess: f32 = 0.1, 0.0..=64.0, "of the noise", "Without the net: the next more filtered picture is taken whole where its squared distance from the input exceeds the noise by less.",
             higher "Smoother, detail is lost.", lower "Noisier.", source "ours";
-        softness: f32 = 0.4, 0.01..=64.0, "of the same", "Without the net: excess over which its share falls to nothing.",
+        softness: f32 = 0.4, 0.01..=64.0, "of the noise", "Without the net: excess over which its share falls to nothing.",
             higher "Softer changes between pictures.", lower "Harder ones.", source "ours";
         strength: f32 = 1.0, 0.0..=4.0, "", "Share of the noise removal that comes out; beyond 1 the more filtered pictures gain.",
             higher "Smoother.", lower "Grain comes back: 0 is the input.", source "ours";

@@ -318,16 +318,13 @@ pub(crate) fn shares(said: [f32; 4], strength: f32) -> ([f32; 3], f32) {
 const REMOVED: f32 = 0.9;
 
 /// Acceptance by steps, made by hand: the wavelet's picture, then the stabilised one, is taken where its squared distance from
-/// the input is explained by the noise. Where that is strong the input is a poor judge: of few samples some are rare and bright, and
-/// the noise that is found between them is less than they are. There as much is taken as `blend.guard` allows.
+/// the input is explained by the noise.
 #[inline(always)]
 pub(crate) fn by_thresholds(pooled: &Pooled, s: &Settings) -> ([f32; 3], f32) {
     let noise = pooled.noise(0);
-    let strong = noise / (noise + 3.0 * s.guard_noise * s.guard_noise);
-    let explained = (1.0 + s.excess + strong * (s.guard - 1.0)) * noise;
     let accepted = |apart: f32| {
-        let excess = (apart - explained) / (explained * s.softness);
-        if excess < 1.0 { (1.0 - excess).min(1.0) } else { 0.0 }
+        let excess = apart / noise - 1.0 - s.excess;
+        if excess < s.softness { (1.0 - excess / s.softness).min(1.0) } else { 0.0 }
     };
     let first = s.strength.min(1.0) * accepted(pooled.apart[0]);
     let second = accepted(pooled.apart[1]);
