@@ -92,6 +92,16 @@ impl Value for bool {
     }
 }
 
+/// The preset of this name, of one filter's presets.
+pub(crate) fn preset_named<P: Copy, const N: usize>(
+    all: [P; N],
+    name: fn(P) -> &'static str,
+    wanted: &str,
+) -> Result<P, Error> {
+    let found = all.into_iter().find(|preset| name(*preset) == wanted);
+    found.ok_or_else(|| Error::UnknownPreset { name: wanted.to_owned(), known: all.map(name).join(", ") })
+}
+
 macro_rules! choices {
     ($( $(#[$meta:meta])* $name:ident { $( $(#[$vmeta:meta])* $variant:ident = $text:literal ),+ $(,)? } )+) => { $(
         $(#[$meta])*

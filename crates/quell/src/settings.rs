@@ -7,7 +7,7 @@
 
 use crate::error::Error;
 pub use crate::parameter::{Kind, Parameter, nearest};
-use crate::parameter::{choices, parameters};
+use crate::parameter::{choices, parameters, preset_named};
 
 /// Rows at which radii in pixels are meant.
 pub const REFERENCE_ROWS: f32 = 720.0;
@@ -38,10 +38,7 @@ impl std::str::FromStr for Preset {
     type Err = Error;
 
     fn from_str(name: &str) -> Result<Self, Error> {
-        Self::ALL
-            .into_iter()
-            .find(|p| p.name() == name)
-            .ok_or_else(|| Error::UnknownPreset { name: name.to_owned(), known: Self::ALL.map(Self::name).join(", ") })
+        preset_named(Self::ALL, Self::name, name)
     }
 }
 

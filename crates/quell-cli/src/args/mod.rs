@@ -78,7 +78,7 @@ pub struct Common {
     /// What traces scenes for render, demo, compare, reproduce and bench, cpu or gpu [default: gpu with --backend gpu on a real GPU, else cpu]
     #[arg(long, global = true, value_name = "NAME", value_parser = values::tracer)]
     pub tracer: Option<values::TracerChoice>,
-    /// Named values of all parameters: paper, quality; of denoise: sequence, sequence-short [default: the first of each]
+    /// Named values of all parameters: paper (the default), quality; for denoise sequence (the default), sequence-short
     #[arg(long, global = true, value_name = "NAME")]
     pub preset: Option<String>,
     /// Set one parameter; repeatable; `quell explain` lists them

@@ -41,10 +41,16 @@ const SECTION_FRAMES: u32 = 10;
 /// Extent that the talk's table is for.
 const PAPER_SIZE: Size = Size { width: 1280, height: 720 };
 
-pub fn run(context: &Context, args: BenchArgs) -> Result<(), Failure> {
+/// An environment lights a scene, and nothing else.
+fn needs_a_scene_for_its_environment(args: &BenchArgs) -> Result<(), Failure> {
     if args.scene.is_none() && args.environment.environment.is_some() {
         return Err(Failure::Usage("--environment is for scenes; name one with --scene".to_owned()));
     }
+    Ok(())
+}
+
+pub fn run(context: &Context, args: BenchArgs) -> Result<(), Failure> {
+    needs_a_scene_for_its_environment(&args)?;
     let backend = context.backend()?;
     #[cfg(feature = "gpu")]
     if let Some(scene) = &args.scene

@@ -97,13 +97,15 @@ fn help_of_every_command_begins_with_an_example() {
 #[test]
 fn usage_errors_name_the_thing_and_what_there_is() {
     let folder = Folder::new("usage");
-    let cases: [(&[&str], &str); 20] = [
+    let cases: [(&[&str], &str); 22] = [
         (&["rendr"], "render"),
         (&["demo", "--nonsense"], "--nonsense"),
         (&["render", "cornel-box", "-o", "x"], "cornell-box"),
         (&["render", "zebra", "-o", "x"], "cornell-box"),
         (&["explain", "cornel-box"], "cornell-box"),
         (&["bench", "--scene", "zebra"], "cornell-box"),
+        (&["bench", "--sequence", "--preset", "paper"], "there are: sequence, sequence-short"),
+        (&["bench", "--sequence", "--environment", "sky.exr"], "--environment is for scenes"),
         (&["render", "cornell-box"], "--output"),
         (&["render", "cornell-box", "-o", "x", "--camera", "9"], "cameras 1 to 5"),
         (&["render", "cornell-box", "-o", "x", "--camera", "top"], "cameras 1 to 5"),
@@ -411,6 +413,13 @@ fn bench_prints_the_papers_table() {
     let value: Value = serde_json::from_str(&out(&output)).expect("JSON");
     assert!(value["sizes"][0]["rays"]["per_second"].as_f64().expect("a number") > 0.0);
     assert!(value["stages"][1]["floor_ms"].is_number());
+    let sequence = ["bench", "--sequence", "--size", "32x18", "--count", "1", "-q", "--json", "--bandwidth", "20"];
+    let output =
+        run(&folder.0, &[&sequence[..], &["--preset", "sequence-short", "--set", "blend.choose=off"]].concat());
+    let value: Value = serde_json::from_str(&out(&output)).expect("JSON");
+    let (preset, frames) = (&value["settings"]["preset"], &value["settings"]["gather.frames"]);
+    assert_eq!((preset, frames), (&"sequence-short".into(), &"3".into()));
+    assert!(out(&output).contains("stabilise") && !out(&output).contains("\"blend\""), "{}", out(&output));
 }
 
 #[test]

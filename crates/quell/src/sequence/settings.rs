@@ -1,16 +1,16 @@
 //! Every parameter of the sequence filter, declared once, and its presets.
 
 use crate::error::Error;
-use crate::parameter::parameters;
+use crate::parameter::{parameters, preset_named};
 
 /// A named set of values of the sequence filter's parameters.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum SequencePreset {
-    /// The least error: samples of 8 frames before and 8 after, pictures of 3. What the nets were trained with.
+    /// The least error: samples of 8 frames before and 8 after, pictures of 3: the windows that the nets were trained with.
     #[default]
     Sequence,
-    /// For previews, long shots and machines with little memory: samples of 3 frames before and 3 after, pictures of 1, so that
-    /// 9 frames wait in memory in place of 23. What it costs: `docs/sequence.md`.
+    /// For previews, long shots and machines with little memory: samples of 3 frames before and 3 after, pictures of 1, so that 9
+    /// frames wait in memory in place of 23. Noisier where samples are few: `docs/sequence.md`.
     Short,
 }
 
@@ -31,10 +31,7 @@ impl std::str::FromStr for SequencePreset {
     type Err = Error;
 
     fn from_str(name: &str) -> Result<Self, Error> {
-        Self::ALL
-            .into_iter()
-            .find(|p| p.name() == name)
-            .ok_or_else(|| Error::UnknownPreset { name: name.to_owned(), known: Self::ALL.map(Self::name).join(", ") })
+        preset_named(Self::ALL, Self::name, name)
     }
 }
 

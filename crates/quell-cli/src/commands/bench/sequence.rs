@@ -43,6 +43,7 @@ fn sum(taken: &[Taken]) -> f64 {
 }
 
 pub fn run(context: &Context, settings: &SequenceSettings, args: &BenchArgs) -> Result<(), Failure> {
+    super::needs_a_scene_for_its_environment(args)?;
     let bandwidth = Bandwidth::of(&Backend::Cpu(quell::Backend::Cpu), args.bandwidth)?;
     let report = context.sequence_report(settings);
     let all = rayon::current_num_threads();
