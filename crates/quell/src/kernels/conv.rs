@@ -208,7 +208,7 @@ impl Layer {
                 }
                 for (y, out) in out.chunks_exact_mut(row_length).enumerate() {
                     #[cfg(feature = "cpu")]
-                    fearless_simd::dispatch!(crate::simd::level(), simd => {
+                    crate::simd::dispatch!(crate::simd::level(), simd => {
                         self.tile(simd, &fetched, &weights, (start, y), rectify, size.width, out)
                     });
                     #[cfg(not(feature = "cpu"))]

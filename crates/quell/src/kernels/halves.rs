@@ -151,7 +151,7 @@ mod tests {
             assert!(widen(*h).to_bits() == h.to_f32().to_bits() || (h.is_nan() && widen(*h).is_nan()), "{h:?}");
         }
         #[cfg(feature = "cpu")]
-        fearless_simd::dispatch!(crate::simd::level(), simd => {
+        crate::simd::dispatch!(crate::simd::level(), simd => {
             let eights = Eights::new(&all);
             for at in (0..all.len()).step_by(5) {
                 let found: [f32; 8] = eights.widen(simd, at).into();

@@ -142,7 +142,7 @@ mod tests {
     #[test]
     fn powers_of_two_have_the_bits_of_one_lane() {
         let values: Vec<f32> = (-700..700).map(|i| i as f32 * 0.097).chain([f32::NAN, -0.0, 1e9, -1e30]).collect();
-        fearless_simd::dispatch!(crate::simd::level(), simd => {
+        crate::simd::dispatch!(crate::simd::level(), simd => {
             for some in values.chunks(BLOCK) {
                 let found: [f32; BLOCK] = exp2(simd, load::<true, _>(simd, some, 0)).into();
                 for (found, x) in found.into_iter().zip(some) {
@@ -157,7 +157,7 @@ mod tests {
     fn logarithms_have_the_bits_of_one_lane() {
         let values: Vec<f32> = (1..900).map(|i| (i as f32 * 0.1 - 45.0).exp() * (1.0 + 0.003 * i as f32)).collect();
         let values: Vec<f32> = values.into_iter().chain([1.0, f32::MAX, f32::INFINITY, 1e-40, 0.0]).collect();
-        fearless_simd::dispatch!(crate::simd::level(), simd => {
+        crate::simd::dispatch!(crate::simd::level(), simd => {
             for some in values.chunks(BLOCK) {
                 let found: [f32; BLOCK] = log2(simd, load::<true, _>(simd, some, 0)).into();
                 for (found, x) in found.into_iter().zip(some) {
@@ -171,7 +171,7 @@ mod tests {
     fn what_lies_beyond_a_row_is_zero() {
         let row: Vec<f32> = (0..19).map(|i| 1.0 + i as f32).collect();
         let halves: Vec<f16> = row.iter().map(|v| f16::from_f32(*v)).collect();
-        fearless_simd::dispatch!(crate::simd::level(), simd => {
+        crate::simd::dispatch!(crate::simd::level(), simd => {
             for at in -20..22isize {
                 let expected: [f32; BLOCK] = std::array::from_fn(|i| {
                     let x = at + i as isize;

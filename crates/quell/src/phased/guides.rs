@@ -12,7 +12,8 @@ use crate::frame::{Frame, Rgb};
 use crate::kernels::math::three;
 use crate::kernels::spiral::PERIOD;
 use crate::plane::{Plane, PlaneRef};
-use fearless_simd::{Level, dispatch};
+use crate::simd::dispatch;
+use fearless_simd::Level;
 use glam::Vec2;
 
 /// What each pixel of a frame shows: the part of the guides that the next frame looks back at.

@@ -6,8 +6,9 @@ use crate::kernels::math::three;
 use crate::phased::layout::{Colours, Phases, channel};
 use crate::phased::rows;
 use crate::plane::Size;
+use crate::simd::dispatch;
 use crate::stages::young_filter::cpu::luminances;
-use fearless_simd::{Level, dispatch};
+use fearless_simd::Level;
 
 /// What the frame before left of a signal, in phase order.
 #[derive(Clone, Copy)]

@@ -5,8 +5,9 @@ use crate::frame::{Frame, Rgb};
 use crate::phased::guides::clean_row;
 use crate::phased::rows;
 use crate::plane::{Plane, PlaneRef};
+use crate::simd::dispatch;
 use crate::stages::composite::cpu::add;
-use fearless_simd::{Level, dispatch};
+use fearless_simd::Level;
 
 /// Pixels at a time.
 const RUN: usize = 256;

@@ -7,9 +7,10 @@ use crate::phased::guides::{CpuGuides, field};
 use crate::phased::layout::{Colours, Phases, copy};
 use crate::phased::rows;
 use crate::settings::{DirectTaa, REFERENCE_ROWS};
+use crate::simd::dispatch;
 use crate::stages::direct_taa::cpu::{resolve, trust};
 use crate::stages::matte_temporal::cpu::load;
-use fearless_simd::{Level, dispatch};
+use fearless_simd::Level;
 
 pub(crate) fn run(
     level: Level,

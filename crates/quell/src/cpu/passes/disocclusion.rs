@@ -5,8 +5,9 @@ use crate::phased::layout::{Colours, Phases};
 use crate::phased::rows;
 use crate::plane::Plane;
 use crate::settings::Disocclusion;
+use crate::simd::dispatch;
 use crate::stages::disocclusion::cpu::{add, blend, blurred, keep_greater, widest};
-use fearless_simd::{Level, dispatch};
+use fearless_simd::Level;
 
 /// Columns whose order is changed at once.
 const BLOCK: usize = 64 * PERIOD;

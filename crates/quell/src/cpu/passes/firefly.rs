@@ -6,9 +6,10 @@ use crate::phased::guides::{CpuGuides, field};
 use crate::phased::layout::{Colours, Phases, channel};
 use crate::phased::rows;
 use crate::settings::{Firefly, Median};
+use crate::simd::dispatch;
 use crate::stages::firefly::MIDDLE;
 use crate::stages::firefly::cpu::{NEIGHBOURS, is_replaced, median, rank};
-use fearless_simd::{Level, dispatch};
+use fearless_simd::Level;
 
 /// Pixels whose medians are found together.
 const RUN: usize = 64;

@@ -8,13 +8,14 @@ use crate::phased::guides::{CpuGuides, field};
 use crate::phased::layout::{Colours, channel};
 use crate::phased::rows;
 use crate::settings::{GlossyBilateral, OffScreen, Settings};
+use crate::simd::dispatch;
 use crate::stages::glossy_bilateral::Axis;
 use crate::stages::glossy_bilateral::KernelSize;
 use crate::stages::glossy_bilateral::cpu::{
     GENTLE_SIGMA, add_neighbours, admit, bend_to, exponents, finish, gaussian, nearness, radii,
 };
 use crate::stages::matte_prefilter::cpu::{gather, invert};
-use fearless_simd::{Level, dispatch};
+use fearless_simd::Level;
 
 /// What a pass needs besides its images.
 #[derive(Clone, Copy)]

@@ -7,8 +7,9 @@ use crate::phased::guides::CpuGuides;
 use crate::phased::layout::{Colours, Phases, Span, channel};
 use crate::phased::rows;
 use crate::settings::OffScreen;
+use crate::simd::dispatch;
 use crate::stages::matte_prefilter::cpu::{MOST_TAPS, Weights, admit, finish, gather, invert};
-use fearless_simd::{Level, dispatch};
+use fearless_simd::Level;
 use std::ops::Range;
 
 /// What a pass needs besides its images.

@@ -15,12 +15,13 @@ use crate::phased::layout::{Colours, Phases, channel, copy, interleave};
 use crate::phased::rows;
 use crate::plane::Plane;
 use crate::settings::{Clip, Settings};
+use crate::simd::dispatch;
 use crate::stages::glossy_temporal::cpu::{reflect, visible};
 use crate::stages::matte_temporal::cpu::{
     Shares, blend_beauty, blend_fast, blend_lanes, blend_unclamped, clamp, fetch, fetch_scalar, keep_light, load,
     shorten,
 };
-use fearless_simd::{Level, dispatch};
+use fearless_simd::Level;
 
 /// What a pass needs besides its images.
 #[derive(Clone, Copy)]

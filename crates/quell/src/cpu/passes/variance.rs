@@ -4,10 +4,10 @@ use crate::kernels::lit_blocks::LitBlocks;
 use crate::par;
 use crate::plane::Plane;
 use crate::sequence::settings::{Variance, Wavelet};
+use crate::simd::dispatch;
 use crate::stages::gather::Gathered;
 use crate::stages::variance::cpu::row;
 use crate::window::{LocalFeatures, Rows};
-use fearless_simd::dispatch;
 
 /// As [`crate::stages::variance::reference::run`].
 pub(crate) fn run(

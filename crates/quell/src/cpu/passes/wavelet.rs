@@ -4,10 +4,10 @@ use crate::kernels::lit_blocks::LitBlocks;
 use crate::par;
 use crate::plane::Size;
 use crate::sequence::settings::Wavelet;
+use crate::simd::dispatch;
 use crate::stages::wavelet::cpu::{Level, compared_row, stops_row};
 use crate::stages::wavelet::{correlation, levels};
 use crate::window::{LightSlot, LocalFeatures, Rows};
-use fearless_simd::dispatch;
 
 /// As [`crate::stages::wavelet::reference::run`].
 pub(crate) fn run(local: &LocalFeatures, slots: &[LightSlot], colours: Rows, variance: Rows, s: &Wavelet) -> Rows {

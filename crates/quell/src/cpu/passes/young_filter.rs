@@ -9,10 +9,11 @@ use crate::phased::guides::CpuGuides;
 use crate::phased::layout::{Colours, Phases, channel};
 use crate::phased::rows;
 use crate::settings::OffScreen;
+use crate::simd::dispatch;
 use crate::stages::matte_prefilter::cpu::{gather, invert};
 use crate::stages::young_filter::Lobe;
 use crate::stages::young_filter::cpu::{Spread, by_frames, finish, luminances, refuse, shares, varied, vary};
-use fearless_simd::{Level, dispatch};
+use fearless_simd::Level;
 
 /// What a level needs besides its images.
 #[derive(Clone, Copy)]

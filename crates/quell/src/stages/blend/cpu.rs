@@ -16,9 +16,10 @@ use crate::kernels::math::{lerp, three};
 use crate::par;
 use crate::plane::{Plane, Size};
 use crate::sequence::settings::{Blend as Settings, Gather, Stabilise};
+use crate::simd::dispatch;
 use crate::simd::widest;
 use crate::window::{Features, Rows};
-use fearless_simd::{Simd, dispatch, f32x16, prelude::*};
+use fearless_simd::{Simd, f32x16, prelude::*};
 use std::ops::Range;
 
 /// Rows whose statistics are found at once: those of a whole picture take 300 bytes a pixel. Few in tests, so that small pictures have some.

@@ -9,8 +9,9 @@ use crate::kernels::halves::{Eights, Runs, widen_eight, widen_from};
 use crate::kernels::math::{LUMINANCE, three};
 use crate::par;
 use crate::sequence::settings::Gather;
+use crate::simd::dispatch;
 use crate::window::{Class, Features, LightSlot, Packed, PreparedFrame, Rows, Samples};
-use fearless_simd::{Simd, dispatch, f32x8, mask32x8, prelude::*, u16x8};
+use fearless_simd::{Simd, f32x8, mask32x8, prelude::*, u16x8};
 use half::f16;
 
 /// Means over the window for every light of `window[centre]`.

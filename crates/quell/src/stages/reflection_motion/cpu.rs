@@ -4,8 +4,9 @@ use super::ReflectionMotion;
 use crate::par;
 use crate::plane::{Plane, Size};
 use crate::sequence::settings::Reflections;
+use crate::simd::dispatch;
 use crate::window::Features;
-use fearless_simd::{Simd, dispatch, f32x8, prelude::*};
+use fearless_simd::{Simd, f32x8, prelude::*};
 
 /// Colour and normal that pixels show.
 const SEEN: usize = 6;

@@ -8,9 +8,10 @@ use crate::kernels::lanes::{BLOCK, load};
 use crate::par;
 use crate::plane::Plane;
 use crate::sequence::settings::{Gather, Stabilise};
+use crate::simd::dispatch;
 use crate::stages::blend::cpu::Band;
 use crate::window::Features;
-use fearless_simd::{Simd, dispatch, f32x16, i32x16, prelude::*};
+use fearless_simd::{Simd, f32x16, i32x16, prelude::*};
 
 /// One picture and its neighbours in time.
 pub(crate) struct Neighbourhood<'a> {

@@ -12,11 +12,12 @@ use crate::kernels::lanes::{BLOCK, exp2, inside, load, load_halves, load_halves_
 use crate::par;
 use crate::plane::{Plane, Size};
 use crate::sequence::settings::{Gather, Stabilise};
+use crate::simd::dispatch;
 use crate::stages::blend::BlendFrame;
 use crate::stages::blend::cpu::{Band, PictureNoise, around as blend_around, bands, mean_colours};
 use crate::stages::firefly::cpu::median;
 use crate::window::{Features, HalfRows, Rows};
-use fearless_simd::{Simd, dispatch, f32x16, prelude::*};
+use fearless_simd::{Simd, f32x16, prelude::*};
 use half::{f16, slice::HalfFloatSliceExt};
 use std::ops::Range;
 

@@ -491,7 +491,7 @@ mod tests {
     #[test]
     fn bandwidths_of_sixteen_pixels_have_the_bits_of_one() {
         let settings = Stabilise::default();
-        fearless_simd::dispatch!(crate::simd::level(), simd => {
+        crate::simd::dispatch!(crate::simd::level(), simd => {
             for seed in 0..20 {
                 let (one, lanes) = pooled(simd, seed);
                 let inverse: [f32; BLOCK] = std::array::from_fn(|i| 0.01 + 3.0 * i as f32);
