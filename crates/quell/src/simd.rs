@@ -2,8 +2,8 @@
 
 use fearless_simd::Level;
 
-/// [`fearless_simd::dispatch`], on x86-64 without code for SSE4.2: a processor without AVX2 runs what SSE2 can, 1.14 times as
-/// long (`denoise`, 200x112). Each instruction set less takes a third off the time to compile this crate.
+/// [`fearless_simd::dispatch`], on x86-64 without code for SSE4.2. Such code took a third of the time to compile this crate, and made
+/// `denoise` 1.04 times as fast at most as what SSE2 can (docs/performance.md).
 #[cfg(target_arch = "x86_64")]
 macro_rules! dispatch {
     (@on $token:expr, $simd:pat => $op:expr) => {{
