@@ -15,6 +15,19 @@ use serde_json::{Map, Value};
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 
+/// The error of a preset that one filter lacks, with what the other has: a command runs one of the two.
+fn no_preset(name: &str, filter: &str, known: String, others: String) -> Failure {
+    Failure::Usage(format!("no preset `{name}` for {filter}; there are: {known} (the other filter: {others})"))
+}
+
+fn real_time() -> String {
+    Preset::ALL.map(Preset::name).join(", ")
+}
+
+fn sequence() -> String {
+    SequencePreset::ALL.map(SequencePreset::name).join(", ")
+}
+
 /// Resolved from the common options.
 #[derive(Clone, Debug)]
 pub struct Context {
@@ -39,7 +52,10 @@ impl Context {
     pub fn new(common: &Common) -> Result<Self, Failure> {
         let file = common.settings.as_deref().map(SettingsFile::read).transpose()?.unwrap_or_default();
         let preset_name = common.preset.as_deref().or(file.preset.as_deref());
-        let preset = preset_name.map_or(Ok(Preset::Paper), |name| name.parse())?;
+        let preset = match preset_name {
+            Some(name) => name.parse().map_err(|_| no_preset(name, "the real-time filter", real_time(), sequence()))?,
+            None => Preset::Paper,
+        };
         let mut settings = Settings::preset(preset);
         for (name, value) in &file.values {
             let place = |e: quell::Error| Failure::Usage(format!("{}: {e}", file.path.display()));
@@ -77,10 +93,7 @@ impl Context {
     pub fn for_sequences(common: &Common) -> Result<(Self, SequenceSettings), Failure> {
         let file = common.settings.as_deref().map(SettingsFile::read).transpose()?.unwrap_or_default();
         let sequence_preset = match common.preset.as_deref().or(file.preset.as_deref()) {
-            Some(name) => name.parse().map_err(|_| {
-                let known = SequencePreset::ALL.map(SequencePreset::name).join(", ");
-                Failure::Usage(format!("no preset `{name}` for sequences; there are: {known}"))
-            })?,
+            Some(name) => name.parse().map_err(|_| no_preset(name, "sequences", sequence(), real_time()))?,
             None => SequencePreset::default(),
         };
         let mut settings = SequenceSettings::preset(sequence_preset);

@@ -63,7 +63,7 @@ pub struct DenoiseArgs {
     /// both (frames before and after are used) or past
     #[arg(long, value_name = "both|past", default_value = "both")]
     pub history: History,
-    /// How much noise is removed: 1 all that the filter finds, less leaves grain (0 is the input), more smooths further
+    /// How much noise is removed: 0 gives the input, 1 what the filter makes, more than 1 a smoother picture [default: 1]
     #[arg(long, value_name = "0..4")]
     pub strength: Option<f32>,
     /// Also write the expected error that remains, as a pass quell.noise (one channel Y)

@@ -69,7 +69,7 @@ pub struct Common {
     /// Threads to use [default: all]
     #[arg(long, global = true, value_name = "N", value_parser = values::at_least_one::<u16>)]
     pub threads: Option<u16>,
-    /// Implementation of the stages: auto (a GPU where there is one), cpu, gpu, reference [default: auto; compare, denoise and reproduce: cpu]
+    /// Implementation of the stages: cpu, gpu, reference, or auto: a GPU where there is one, but the CPU for denoise, so that every machine gives the same bits [default: auto; compare and reproduce: cpu]
     #[arg(long, global = true, value_name = "NAME")]
     pub backend: Option<BackendChoice>,
     /// GPU to use, by part of its name; `quell --version -v` lists them. A software device (llvmpipe) is used only if it is named
@@ -78,7 +78,7 @@ pub struct Common {
     /// What traces scenes for render, demo, compare, reproduce and bench, cpu or gpu [default: gpu with --backend gpu on a real GPU, else cpu]
     #[arg(long, global = true, value_name = "NAME", value_parser = values::tracer)]
     pub tracer: Option<values::TracerChoice>,
-    /// Named values of all parameters: paper (the default), quality; for denoise sequence (the default), sequence-short
+    /// Named values of all parameters. Real-time filter: paper (the default), quality. Sequence filter (denoise, bench --sequence): sequence (the default), sequence-short
     #[arg(long, global = true, value_name = "NAME")]
     pub preset: Option<String>,
     /// Set one parameter; repeatable; `quell explain` lists them
@@ -255,7 +255,7 @@ pub struct BenchArgs {
     #[arg(long, value_name = "WIDTHxHEIGHT", default_value = "1280x720", value_delimiter = ',',
           value_parser = values::size)]
     pub size: Vec<Size>,
-    /// Frames to measure, after one to warm up (on a GPU 8); fewer where they take longer than a minute
+    /// Frames to measure, after 1 frame of warm-up (8 on a GPU); fewer where they take longer than a minute
     #[arg(long, value_name = "N", default_value = "10", value_parser = values::at_least_one::<u32>)]
     pub count: u32,
     /// What the memory moves, for the floors [default: what copying reaches]

@@ -117,7 +117,7 @@ fn usage_errors_name_the_thing_and_what_there_is() {
         (&["explain", "--set", "matte_temporal.alhpa=0.5"], "matte_temporal.alpha"),
         (&["explain", "--set", "matte_temporal.alpha=7"], "a number from"),
         (&["explain", "--set", "matte_temporal.alpha"], "stage.parameter=value"),
-        (&["explain", "--preset", "fast"], "there are: paper"),
+        (&["explain", "--preset", "fast"], "there are: paper, quality (the other filter: sequence, sequence-short)"),
         (&["explain", "--backend", "cuda"], "auto, cpu, gpu, reference"),
         (&["explain", "--threads", "0"], "at least 1"),
     ];

@@ -133,7 +133,7 @@ pub struct Frame<'a> {
     pub camera: Camera,
     /// The camera of the frame before.
     pub previous_camera: Camera,
-    /// Number of the frame; one that does not follow its predecessor by one is a cut.
+    /// Number of the frame; one that does not differ from its predecessor by 1, up or down, is a cut.
     pub index: i64,
     /// What the pixels show.
     pub guides: Guides<'a>,
