@@ -26,6 +26,9 @@ fn found(name: &str) -> Option<PathBuf> {
     std::env::split_paths(&std::env::var_os("PATH")?).map(|folder| folder.join(name)).find(|path| path.is_file())
 }
 
+/// How long a script of a page may take (30 s by default: too short for all shaders where other programs run beside).
+const SCRIPT_LIMIT: Duration = Duration::from_secs(150);
+
 impl Browser {
     /// Starts a browser with a window of this size; `None`, said aloud, where there is none.
     pub fn start(width: u32, height: u32) -> Option<Self> {
@@ -78,6 +81,7 @@ impl Browser {
         let options = json!({ "binary": browser, "args": arguments });
         let capabilities = json!({ "capabilities": { "alwaysMatch": {
             "goog:chromeOptions": options, "goog:loggingPrefs": { "browser": "ALL" },
+            "timeouts": { "script": SCRIPT_LIMIT.as_millis() as u64 },
         } } });
         let session = started.call("POST", "/session", &capabilities);
         started.session = session["sessionId"].as_str().expect("a session").to_owned();
@@ -88,7 +92,7 @@ impl Browser {
     fn call(&self, method: &str, path: &str, body: &Value) -> Value {
         let body = if method == "GET" || method == "DELETE" { String::new() } else { body.to_string() };
         let mut stream = TcpStream::connect(("127.0.0.1", self.port)).expect("chromedriver listens");
-        stream.set_read_timeout(Some(Duration::from_secs(60))).unwrap();
+        stream.set_read_timeout(Some(SCRIPT_LIMIT + Duration::from_secs(30))).unwrap();
         let request = format!(
             "{method} {path} HTTP/1.1\r\nHost: 127.0.0.1:{}\r\nConnection: close\r\n\
              Content-Type: application/json\r\nContent-Length: {}\r\n\r\n{body}",

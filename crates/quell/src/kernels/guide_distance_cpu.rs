@@ -145,16 +145,15 @@ impl<'a, S: Simd, const EDGE: bool> Guides<'a, S, EDGE> {
         }
     }
 
-    /// The distances of a tap, class by class; those that are not wanted are 0. `reach`: see [`reach_of`]. None where it lies on
-    /// other surfaces than all of the pixels, so that it has no weight for any class: colours only add to a distance.
+    /// The distances of a tap, class by class; those that are not wanted are 0. `reach`: see [`reach_of`].
     #[inline(always)]
-    pub(crate) fn distances(&self, tap: &Tap, reach: f32) -> Option<[f32x16<S>; CLASSES]> {
+    pub(crate) fn distances(&self, tap: &Tap, reach: f32) -> [f32x16<S>; CLASSES] {
         let (simd, local, s) = (self.simd, self.local, self.s);
         let there = Place { y: tap.row, x: tap.at, ..self.centre };
         let zero = f32x16::splat(simd, 0.0);
         let mut out = [zero; CLASSES];
         if !(self.wanted[0] || self.wanted[1] || self.wanted[2]) {
-            return Some(out);
+            return out;
         }
         let [dx, dy] = tap.offset;
         let (iz_p, iz_q) = (self.inverse_depth, there.of::<EDGE, _>(simd, &local.inverse_depth));
@@ -165,9 +164,6 @@ impl<'a, S: Simd, const EDGE: bool> Guides<'a, S, EDGE> {
         let differ = iz_p.simd_gt(zero) ^ iz_q.simd_gt(zero);
         let bend = self.surface.bend(&there.of_three::<EDGE, _>(simd, &local.normal));
         let surface = differ.select(f32x16::splat(simd, APART), r * r + bend * self.bend);
-        if surface.simd_gt(f32x16::splat(simd, FARTHEST * (1.0 - LEAST_BASE))).all_true() {
-            return None;
-        }
         out[Class::Surface as usize] = surface;
         if self.wanted[Class::Seen as usize] {
             let mut seen = surface;
@@ -191,7 +187,7 @@ impl<'a, S: Simd, const EDGE: bool> Guides<'a, S, EDGE> {
                 colours(surface, &self.albedo, &there.of_three::<EDGE, _>(simd, &local.albedo), s.albedo)
             };
         }
-        Some(out)
+        out
     }
 }
 
@@ -299,8 +295,7 @@ impl Distances {
         x < far || x + BLOCK + far > w
     }
 
-    /// Finds those of the taps that lie in an image of `h` rows, and on the same surface, for some of the pixels, row by row; `step`
-    /// pixels a step.
+    /// Finds those of the taps that lie in an image of `h` rows for some of the pixels, row by row; `step` pixels a step.
     #[inline(always)]
     pub(crate) fn find<S: Simd, const EDGE: bool>(&mut self, guides: &Guides<'_, S, EDGE>, h: usize, step: isize) {
         let Place { w, x, y } = guides.centre;
@@ -327,11 +322,10 @@ impl Distances {
                 let tap = Tap { dx, dy, offset: [dx * step, dy * step], row: row as usize, at, whole };
                 // A pixel's distance from itself is 0.
                 let found = if tap.is_centre() {
-                    Some([f32x16::splat(guides.simd, 0.0); CLASSES])
+                    [f32x16::splat(guides.simd, 0.0); CLASSES]
                 } else {
                     guides.distances(&tap, self.reaches[((dy + self.radius) * across + dx + self.radius) as usize])
                 };
-                let Some(found) = found else { continue };
                 for class in 0..CLASSES {
                     if guides.wanted[class] {
                         found[class].store_slice(&mut self.by_class[class][self.count]);
