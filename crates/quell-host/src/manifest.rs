@@ -142,7 +142,9 @@ fn debug() -> Value {
             Kind::Picture(format) => json!({ "kind": "storage_texture", "access": "write-only",
                                              "format": format!("{format:?}").to_lowercase() }),
             // It binds none of these.
-            Kind::Stored(_) | Kind::Counts(_) | Kind::Frames | Kind::Read(_) | Kind::Write(_) => Value::Null,
+            Kind::Stored(_) | Kind::Counts(_) | Kind::Frames | Kind::Read(_) | Kind::Write(_) | Kind::Layers(_) => {
+                Value::Null
+            }
         };
         extend(&mut value, further);
         value
@@ -284,7 +286,9 @@ fn dispatch(program: &Program, index: usize, dispatch: &Dispatch) -> Value {
             Kind::Taps => json!({ "kind": "read-only-storage" }),
             Kind::Counts(_) => json!({ "kind": "storage" }),
             // None of the real-time filter's passes binds these.
-            Kind::Uniform(_) | Kind::Frames | Kind::Read(_) | Kind::Write(_) | Kind::Picture(_) => Value::Null,
+            Kind::Uniform(_) | Kind::Frames | Kind::Read(_) | Kind::Write(_) | Kind::Picture(_) | Kind::Layers(_) => {
+                Value::Null
+            }
         };
         extend(&mut value, further);
         value

@@ -45,6 +45,31 @@ impl Readback {
     /// # Errors
     /// As [`Gpu::check`].
     pub fn read(self, gpu: &Gpu, encoder: wgpu::CommandEncoder, what: &str) -> Result<Vec<Vec<u8>>, Error> {
+        self.wait(gpu, encoder, what)?;
+        self.0.iter().map(|copy| copy.bytes().map_err(|e| gpu.refused(what, &e))).collect()
+    }
+
+    /// [`Readback::read`] of buffers alone, which are lent as they are mapped: a copy of large planes, by one thread, takes as long as the
+    /// device does.
+    ///
+    /// # Errors
+    /// As [`Gpu::check`]; those of `take`.
+    pub fn lend<T>(
+        self,
+        gpu: &Gpu,
+        encoder: wgpu::CommandEncoder,
+        what: &str,
+        take: impl FnOnce(&[&[u8]]) -> Result<T, Error>,
+    ) -> Result<T, Error> {
+        self.wait(gpu, encoder, what)?;
+        let mapped = self.0.iter().map(|copy| copy.staging.get_mapped_range(..).map_err(|e| gpu.refused(what, &e)));
+        let mapped = mapped.collect::<Result<Vec<_>, _>>()?;
+        let lent: Vec<&[u8]> = mapped.iter().map(|range| range.as_ref()).collect();
+        take(&lent)
+    }
+
+    /// Until all copies are mapped.
+    fn wait(&self, gpu: &Gpu, encoder: wgpu::CommandEncoder, what: &str) -> Result<(), Error> {
         gpu.queue().submit([encoder.finish()]);
         let (done, mapped) = mpsc::channel();
         for copy in &self.0 {
@@ -63,7 +88,7 @@ impl Readback {
                 Err(RecvTimeoutError::Disconnected) => break,
             }
         }
-        self.0.iter().map(|copy| copy.bytes().map_err(|e| gpu.refused(what, &e))).collect()
+        Ok(())
     }
 }
 

@@ -5,20 +5,25 @@ use crate::error::Error;
 use crate::readback::Readback;
 use crate::views::{ShowSequence, Views};
 use quell::Size;
-use quell::gpu::wgpu::{Buffer, BufferUsages, ErrorFilter};
+use quell::gpu::wgpu::{Buffer, BufferUsages, Device, ErrorFilter};
 use quell::gpu::{self, SequenceKernels, SequenceStage, SequenceWavelet, SequenceWindow, WaveletBuffers};
-use quell::sequence::{AcceleratedWindow, Accelerator, EstimateJob, Guide, WaveletJob, WaveletLight};
+use quell::sequence::{AcceleratedWindow, Accelerator, EstimateJob, FinishJob, Guide, WaveletJob, WaveletLight};
 use std::ops::Range;
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// Runs stages 1 to 3 of the sequence filter on a device of this program, with the frames of the window kept there;
-/// where these do not fit, the wavelet alone. The rest stays on the CPU.
+/// Runs stages of the sequence filter on a device of this program, with the frames of the window and their pictures kept
+/// there: `gather` to `residual`, and `stabilise` to `blend`. Where pictures do not fit there, the latter run on the CPU; where
+/// frames do not, all but the wavelet.
+///
+/// On a device in software, which has no other processor than the CPU, only `gather` to `residual` run: their shaders take ten
+/// times as long as the CPU's code, those of the others a hundred times ([`SequenceAccelerator::with_all_stages`]).
 #[derive(Debug)]
 pub struct SequenceAccelerator {
     gpu: Arc<Gpu>,
     kernels: Arc<SequenceKernels>,
     notes: Arc<Mutex<Notes>>,
     views: Option<Arc<Views>>,
+    all_stages: bool,
 }
 
 /// What became of it, over all windows.
@@ -39,7 +44,14 @@ impl SequenceAccelerator {
     pub fn new(gpu: Arc<Gpu>) -> Result<Self, Error> {
         let kernels = Arc::new(SequenceKernels::new(gpu.device()));
         gpu.check("compiling the sequence filter")?;
-        Ok(Self { gpu, kernels, notes: Arc::default(), views: None })
+        let all_stages = !gpu.adapter().is_software();
+        Ok(Self { gpu, kernels, notes: Arc::default(), views: None, all_stages })
+    }
+
+    /// On a device in software, too, every stage that has a shader runs there: for tests.
+    #[must_use]
+    pub fn with_all_stages(self) -> Self {
+        Self { all_stages: true, ..self }
     }
 
     /// Shows what every stage of every frame makes on the device: to look at, not for every day, since each frame runs again
@@ -94,14 +106,14 @@ impl SequenceAccelerator {
         let kept = (core.start - band.rows.start) * row..(core.end - band.rows.start) * row;
         for (plane, bytes) in readback.read(gpu, encoder, WHAT)?.iter().enumerate() {
             let kept = bytes.get(kept.clone()).unwrap_or_default();
-            job.store(light.light, plane, core.clone(), kept).map_err(|reason| Error::Refused {
-                adapter: gpu.adapter().name.clone(),
-                what: WHAT.to_owned(),
-                reason,
-            })?;
+            job.store(light.light, plane, core.clone(), kept).map_err(|reason| refused(gpu, WHAT, reason))?;
         }
         Ok(())
     }
+}
+
+fn refused(gpu: &Gpu, what: &str, reason: String) -> Error {
+    Error::Refused { adapter: gpu.adapter().name.clone(), what: what.to_owned(), reason }
 }
 
 impl Accelerator for SequenceAccelerator {
@@ -117,7 +129,8 @@ impl Accelerator for SequenceAccelerator {
         let window = SequenceWindow::new(self.gpu.device(), Arc::clone(&self.kernels));
         let (gpu, notes) = (Arc::clone(&self.gpu), Arc::clone(&self.notes));
         let (kernels, views) = (Arc::clone(&self.kernels), self.views.clone());
-        Some(Box::new(Window { gpu, kernels, window, refuses: false, notes, views }))
+        let refuses_finish = !self.all_stages;
+        Some(Box::new(Window { gpu, kernels, window, refuses: false, refuses_finish, notes, views }))
     }
 
     fn notes(&self, all: bool) -> Vec<String> {
@@ -134,6 +147,8 @@ struct Window {
     window: SequenceWindow,
     /// It does not fit on the device.
     refuses: bool,
+    /// Stages after the filtered light are not for the device, or what they keep does not fit there besides.
+    refuses_finish: bool,
     notes: Arc<Mutex<Notes>>,
     views: Option<Arc<Views>>,
 }
@@ -147,8 +162,9 @@ impl Window {
             self.refused(format!("frames with {why} around them were gathered on the CPU"));
             return Ok(false);
         }
-        if !self.reserve(job)? {
+        if let Some(why) = self.reserve(job.size(), |window, device| window.reserve(device, job))? {
             // What was allocated goes back.
+            self.refused(format!("samples were gathered on the CPU: {why}"));
             self.refuses = true;
             self.window = SequenceWindow::new(self.gpu.device(), Arc::clone(&self.kernels));
             return Ok(false);
@@ -168,7 +184,7 @@ impl Window {
             gpu.run(std::mem::replace(&mut encoder, gpu.encoder("quell host window")), WINDOW)?;
             views.draw(gpu, &mut self.window, job)?;
         }
-        let estimated = self.window.encode(gpu.device(), &mut encoder, job, SequenceStage::Wavelet)?;
+        let estimated = self.window.encode(gpu.device(), &mut encoder, job, SequenceStage::Residual)?;
         let pixels = job.size().pixels() as u64;
         let mut readback = Readback::default();
         for (.., buffer) in &estimated.planes {
@@ -177,37 +193,73 @@ impl Window {
         if let Some(samples) = estimated.samples {
             readback.buffer(gpu, &mut encoder, samples, NUMBER * pixels);
         }
-        let contents = readback.read(gpu, encoder, WINDOW)?;
-        let refused =
-            |reason: String| Error::Refused { adapter: gpu.adapter().name.clone(), what: WINDOW.to_owned(), reason };
-        for ((light, plane, _), bytes) in estimated.planes.iter().zip(&contents) {
-            job.store(*light, *plane, bytes).map_err(refused)?;
-        }
-        if let Some(samples) = contents.get(estimated.planes.len()) {
-            job.store_samples(samples).map_err(refused)?;
-        }
+        let places: Vec<_> = estimated.planes.iter().map(|(light, plane, _)| (*light, *plane)).collect();
+        readback.lend(gpu, encoder, WINDOW, |contents| {
+            let (planes, samples) = contents.split_at(places.len().min(contents.len()));
+            for ((light, plane), bytes) in places.iter().zip(planes) {
+                job.store(*light, *plane, bytes).map_err(|reason| refused(gpu, WINDOW, reason))?;
+            }
+            samples.iter().try_for_each(|s| job.store_samples(s).map_err(|reason| refused(gpu, WINDOW, reason)))
+        })?;
         Ok(true)
     }
 
-    /// False where the device cannot hold it.
-    fn reserve(&mut self, job: &EstimateJob<'_>) -> Result<bool, Error> {
+    /// Stages `stabilise` to `blend`, where the device has room for the pictures around, too.
+    fn run_finish(&mut self, job: &mut FinishJob<'_>) -> Result<bool, Error> {
+        if self.refuses || self.refuses_finish {
+            return Ok(false);
+        }
+        if let Some(why) = self.reserve(job.size(), |window, device| window.reserve_finish(device, job))? {
+            self.refused(format!("pictures were stabilised and blended on the CPU: {why}"));
+            self.refuses_finish = true;
+            self.window.release_finish();
+            return Ok(false);
+        }
+        let gpu = &self.gpu;
+        // A frame at a time, as above.
+        let mut last = None;
+        for place in 0..job.len() {
+            let mut encoder = gpu.encoder("quell host pictures");
+            let any = self.window.upload_finish(gpu.device(), &mut encoder, job, place)?;
+            if any && let Some(before) = last.replace(encoder) {
+                gpu.run(before, FINISH)?;
+            }
+        }
+        let mut encoder = last.unwrap_or_else(|| gpu.encoder("quell host pictures"));
+        let made = self.window.encode_finish(gpu.device(), &mut encoder, job)?;
+        let bytes = COLOUR * job.size().pixels() as u64;
+        let mut readback = Readback::default();
+        for buffer in [made.steady, made.shares, made.gain] {
+            readback.buffer(gpu, &mut encoder, buffer, bytes);
+        }
+        readback.lend(gpu, encoder, FINISH, |contents| {
+            let [steady, shares, gain] = [0, 1, 2].map(|k| contents.get(k).copied().unwrap_or_default());
+            job.store(steady, shares, gain).map_err(|reason| refused(gpu, FINISH, reason))
+        })?;
+        Ok(true)
+    }
+
+    /// Why the device cannot hold what `reserve` asks it for.
+    fn reserve(
+        &mut self,
+        size: Size,
+        reserve: impl FnOnce(&mut SequenceWindow, &Device) -> Result<(), gpu::Error>,
+    ) -> Result<Option<String>, Error> {
         let scope = self.gpu.device().push_error_scope(ErrorFilter::OutOfMemory);
-        let reserved = self.window.reserve(self.gpu.device(), job);
+        let reserved = reserve(&mut self.window, self.gpu.device());
         let trouble = now(scope.pop());
-        let why = match (reserved, trouble) {
+        match (reserved, trouble) {
             (Ok(()), None) => {
-                self.note_memory(job.size());
-                return Ok(true);
+                self.note_memory(size);
+                Ok(None)
             }
             (Ok(()), Some(_)) => {
                 let needs = mebibytes(self.window.bytes());
-                format!("the device has not the {needs} MiB that the frames of a window take")
+                Ok(Some(format!("the device has not the {needs} MiB that the frames of a window take")))
             }
-            (Err(why @ gpu::Error::Size { .. }), _) => why.to_string(),
-            (Err(other), _) => return Err(other.into()),
-        };
-        self.refused(format!("samples were gathered on the CPU: {why}"));
-        Ok(false)
+            (Err(why @ gpu::Error::Size { .. }), _) => Ok(Some(why.to_string())),
+            (Err(other), _) => Err(other.into()),
+        }
     }
 
     fn refused(&self, why: String) {
@@ -239,6 +291,10 @@ impl AcceleratedWindow for Window {
     fn estimate(&mut self, job: &mut EstimateJob<'_>) -> Result<bool, String> {
         self.run(job).map_err(|error| error.to_string())
     }
+
+    fn finish(&mut self, job: &mut FinishJob<'_>) -> Result<bool, String> {
+        self.run_finish(job).map_err(|error| error.to_string())
+    }
 }
 
 fn mebibytes(bytes: u64) -> u64 {
@@ -246,6 +302,8 @@ fn mebibytes(bytes: u64) -> u64 {
 }
 
 const WINDOW: &str = "the frames of a window";
+
+const FINISH: &str = "the pictures of a window";
 
 const WHAT: &str = "the wavelet of a frame";
 /// Bytes of a pixel of a colour, of one number, and of what the wavelet compares.

@@ -48,7 +48,7 @@ impl Views {
 
     /// Runs the job up to each of its stages, and shows what that stage made.
     pub(crate) fn draw(&self, gpu: &Gpu, window: &mut SequenceWindow, job: &EstimateJob<'_>) -> Result<(), Error> {
-        for stage in [SequenceStage::Gather, SequenceStage::Variance, SequenceStage::Wavelet] {
+        for stage in SequenceStage::ALL {
             let mut encoder = gpu.encoder("quell host views");
             let estimated = window.encode(gpu.device(), &mut encoder, job, stage)?;
             let lights: Vec<usize> =
@@ -86,7 +86,7 @@ fn views_of(stage: SequenceStage, lights: &[usize], has_seen: [bool; 2]) -> Vec<
             views
         }
         SequenceStage::Variance => of(deviation).collect(),
-        SequenceStage::Wavelet => of(light).collect(),
+        SequenceStage::Wavelet | SequenceStage::Residual => of(light).collect(),
     }
 }
 

@@ -77,3 +77,26 @@ fn views_of_every_stage_come_back() {
     }
     assert!(pictures.iter().all(|p| p.size == SIZE));
 }
+
+/// Every stage on the device gives what the CPU gives; in a shot that follows another, too.
+#[test]
+fn all_stages_on_the_device_give_what_the_cpu_gives() {
+    let Some(gpu) = gpu() else { return };
+    let settings = SequenceSettings::default();
+    let passes = |mut denoiser: SequenceDenoiser| -> Vec<f32> {
+        let mut filtered = Vec::new();
+        for number in [0, 1, 2, 7, 8, 9] {
+            filtered.extend(denoiser.push(frame(number), true).expect("a frame"));
+        }
+        filtered.extend(denoiser.finish().expect("frames"));
+        let planes = filtered.iter().flat_map(|f| f.lights.iter().flat_map(|light| &light.planes));
+        planes.flat_map(|plane| plane.data().as_flattened()).copied().collect()
+    };
+    let cpu = passes(SequenceDenoiser::new(settings.clone()).expect("a denoiser"));
+    let accelerator = SequenceAccelerator::new(gpu).expect("shaders").with_all_stages();
+    let device = passes(SequenceDenoiser::with_accelerator(settings, Arc::new(accelerator)).expect("a denoiser"));
+    assert_eq!(cpu.len(), device.len());
+    let most = cpu.iter().zip(&device).map(|(a, b)| (a - b).abs() / (a.abs() + 0.1)).fold(0.0, f32::max);
+    println!("largest difference {most:.1e}");
+    assert!(most < 2e-3 && cpu != device, "{most}");
+}

@@ -284,9 +284,14 @@ impl<'a> Builder<'a> {
             (BindingKind::Counts(count), _) => Holds::Counts(count),
             (BindingKind::Uniform(name), _) => Holds::Uniform(name),
             // No pass of a program has such bindings: those of the sequence filter and the debug views do.
-            (BindingKind::Frames | BindingKind::Read(_) | BindingKind::Write(_) | BindingKind::Picture(_), _) => {
-                Holds::Host(Sample::Float)
-            }
+            (
+                BindingKind::Frames
+                | BindingKind::Read(_)
+                | BindingKind::Write(_)
+                | BindingKind::Picture(_)
+                | BindingKind::Layers(_),
+                _,
+            ) => Holds::Host(Sample::Float),
         };
         Bound { resource: self.index(slot, holds), before }
     }

@@ -3,8 +3,10 @@
 use super::guides::{self, half};
 use super::sequence;
 use crate::border::COLOUR_LIMIT;
-use crate::kernels::{change, clip, edge, guide_distance, math, mirror_image, reproject, spiral, temporal};
-use crate::stages::{feature_noise, firefly, gather, glossy_bilateral, wavelet, young_filter};
+use crate::kernels::{change, clip, conv, edge, guide_distance, math, mirror_image, reproject, spiral, temporal};
+use crate::stages::{
+    blend, feature_noise, firefly, gather, glossy_bilateral, residual, stabilise, wavelet, young_filter,
+};
 use std::collections::HashSet;
 
 /// A constant as WGSL declares it.
@@ -77,6 +79,42 @@ const ALL: &[(&str, Number)] = &[
     ("PLANE_UNKNOWN", U32(sequence::PLANE_UNKNOWN)),
     ("SEEN_COLOURS", U32(sequence::SEEN_COLOURS)),
     ("SEEN_NORMALS", U32(sequence::SEEN_NORMALS)),
+    ("HAS_SEEN_COLOUR", U32(sequence::HAS_SEEN_COLOUR)),
+    ("HAS_SEEN_NORMAL", U32(sequence::HAS_SEEN_NORMAL)),
+    ("HAS_SURFACE_COLOUR", U32(sequence::HAS_SURFACE_COLOUR)),
+    ("FOLLOWED_FRAMES", I32(blend::FRAMES as i32)),
+    ("DIFFERENCES_NEAR", I32(blend::NEAR as i32)),
+    ("DIFFERENCES_WIDE", I32(blend::WIDE as i32)),
+    ("NOISE_NEAR", I32(blend::NOISE_NEAR as i32)),
+    ("NOISE_WIDE", I32(blend::NOISE_WIDE as i32)),
+    ("BLEND_LEAST", F32(blend::LEAST)),
+    ("LEAST_BRIGHTNESS", F32(blend::LEAST_BRIGHTNESS)),
+    ("LEAST_SEEN", F32(blend::LEAST_SEEN)),
+    ("MOST_CHANGE", F32(blend::MOST_CHANGE)),
+    ("MOST_RATIO", F32(blend::MOST_RATIO)),
+    ("DEPTH_STEP", F32(blend::DEPTH_STEP)),
+    ("LEAST_COSINE", F32(blend::LEAST_COSINE)),
+    ("HIGH_PASS", F32(blend::HIGH_PASS)),
+    ("SECOND_DIFFERENCE", F32(blend::SECOND_DIFFERENCE)),
+    ("MOST_NUMBER", F32(blend::MOST_NUMBER)),
+    ("KERNEL_MOST", F32(blend::kernel::MOST)),
+    ("KERNEL_LEAST", F32(blend::kernel::LEAST)),
+    ("LOG2_E", F32(std::f32::consts::LOG2_E)),
+    ("CONV_LEAK", F32(conv::LEAK)),
+    ("MOST_INPUT", F32(conv::MOST_INPUT)),
+    ("LAST_LAYER", U32(sequence::LAST_LAYER)),
+    ("SHARE_NET", U32(sequence::SHARE_NET)),
+    ("MOST_VISITS", U32(sequence::MOST_VISITS)),
+    ("SIGNATURE_WIDE", I32(stabilise::WIDE as i32)),
+    ("TAPS_AROUND", I32(stabilise::TAPS_AROUND as i32)),
+    ("TAPS_IN_TIME", I32(stabilise::TAPS_IN_TIME as i32)),
+    ("DARK", F32(stabilise::DARK)),
+    ("LEAST_OWN", F32(stabilise::LEAST_OWN)),
+    ("LEAST_DEVIATION", F32(stabilise::LEAST_DEVIATION)),
+    ("LEAST_NOISE_OF_ALBEDO", F32(stabilise::LEAST_NOISE_OF_ALBEDO)),
+    ("MOST_BANDWIDTH", F32(stabilise::MOST)),
+    ("RESIDUAL_LEAST", F32(residual::LEAST)),
+    ("RESIDUAL_COARSEST", I32(residual::LEVELS[0].0 as i32)),
     ("SHOWS_LIGHT", U32(sequence::SHOWS_LIGHT)),
     ("SHOWS_DEVIATION", U32(sequence::SHOWS_DEVIATION)),
     ("SHOWS_COUNT", U32(sequence::SHOWS_COUNT)),

@@ -19,8 +19,8 @@ pub struct Kernel {
 /// What is bound to a pass.
 #[derive(Clone, Copy, Debug)]
 pub enum Bindable<'a> {
-    /// To [`BindingKind::Sampled`], [`BindingKind::Stored`], [`BindingKind::Host`], [`BindingKind::Frames`] and
-    /// [`BindingKind::Picture`].
+    /// To [`BindingKind::Sampled`], [`BindingKind::Stored`], [`BindingKind::Host`], [`BindingKind::Frames`],
+    /// [`BindingKind::Picture`] and [`BindingKind::Layers`].
     Plane(&'a wgpu::TextureView),
     /// To [`BindingKind::Taps`].
     Taps(&'a wgpu::Buffer),
@@ -255,6 +255,9 @@ impl Kernel {
                 let (format, expected) = (texel.format(self.storage), texel.format_name(self.storage));
                 check_stored(pass, name, view.texture(), (format, expected), size)
             }
+            (BindingKind::Layers(format), Bindable::Plane(view)) => {
+                check_stored(pass, name, view.texture(), (format, "the format of the pass"), size)
+            }
             (BindingKind::Picture(format), Bindable::Plane(view)) => {
                 let expected = "the format that the views were made for";
                 check_stored(pass, name, view.texture(), (format, expected), size)
@@ -280,17 +283,18 @@ fn binding_type(kind: BindingKind, storage: Storage) -> wgpu::BindingType {
     let buffer = |ty| wgpu::BindingType::Buffer { ty, has_dynamic_offset: false, min_binding_size: None };
     let sampled =
         |sample_type, view_dimension| wgpu::BindingType::Texture { sample_type, view_dimension, multisampled: false };
-    let stored = |format| wgpu::BindingType::StorageTexture {
+    let stored = |format, view_dimension| wgpu::BindingType::StorageTexture {
         access: wgpu::StorageTextureAccess::WriteOnly,
         format,
-        view_dimension: Dimension::D2,
+        view_dimension,
     };
     match kind {
         BindingKind::Sampled(texel) => sampled(texel.sample_type(), Dimension::D2),
         BindingKind::Host(sample) => sampled(sample.sample_type(), Dimension::D2),
         BindingKind::Frames => sampled(Sample::Float.sample_type(), Dimension::D2Array),
-        BindingKind::Stored(texel) => stored(texel.format(storage)),
-        BindingKind::Picture(format) => stored(format),
+        BindingKind::Stored(texel) => stored(texel.format(storage), Dimension::D2),
+        BindingKind::Picture(format) => stored(format, Dimension::D2),
+        BindingKind::Layers(format) => stored(format, Dimension::D2Array),
         BindingKind::Taps | BindingKind::Read(_) => buffer(Buffer::Storage { read_only: true }),
         BindingKind::Counts(_) | BindingKind::Write(_) => buffer(Buffer::Storage { read_only: false }),
         BindingKind::Uniform(_) => buffer(Buffer::Uniform),

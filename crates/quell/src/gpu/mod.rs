@@ -111,7 +111,8 @@ mod internals {
         Bound, Contents, Dispatch, Holds, Memory, Program, Resource, Role, Shown, SignalContents,
     };
     pub use super::sequence::{
-        Band, Estimated, SequenceKernels, SequenceStage, SequenceView, SequenceWavelet, SequenceWindow, WaveletBuffers,
+        Band, Estimated, Finished, SequenceKernels, SequenceStage, SequenceView, SequenceWavelet, SequenceWindow,
+        WaveletBuffers,
     };
     pub use super::slot::Slot;
     pub use super::storage::{Texel, beside, parted};

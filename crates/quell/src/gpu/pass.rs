@@ -30,6 +30,8 @@ pub enum BindingKind {
     Write(Element),
     /// A storage texture of this format that is written: a picture to look at.
     Picture(wgpu::TextureFormat),
+    /// An array of storage textures of this format that is written.
+    Layers(wgpu::TextureFormat),
 }
 
 /// What a storage buffer is an array of.
@@ -41,6 +43,8 @@ pub enum Element {
     Two,
     /// A 32-bit float a pixel.
     One,
+    /// Four 32-bit floats each, as many as the caller has: weights of a net, sums of cells.
+    Fours,
     /// Structs of this name ([`super::layouts`]), as many as the caller has.
     Struct(&'static str),
 }
@@ -52,13 +56,13 @@ impl Element {
             Self::Four => Some(16),
             Self::Two => Some(8),
             Self::One => Some(4),
-            Self::Struct(_) => None,
+            Self::Fours | Self::Struct(_) => None,
         }
     }
 
     const fn declared(self) -> &'static str {
         match self {
-            Self::Four => "vec4f",
+            Self::Four | Self::Fours => "vec4f",
             Self::Two => "vec2f",
             Self::One => "f32",
             Self::Struct(name) => name,
@@ -209,6 +213,9 @@ impl Pass {
                 BindingKind::Write(element) => ("<storage, read_write>", format!("array<{}>", element.declared())),
                 BindingKind::Picture(format) => {
                     ("", format!("texture_storage_2d<{}, write>", format!("{format:?}").to_lowercase()))
+                }
+                BindingKind::Layers(format) => {
+                    ("", format!("texture_storage_2d_array<{}, write>", format!("{format:?}").to_lowercase()))
                 }
             };
             source += &format!("@group(0) @binding({number}) var{space} {name}: {ty};\n");

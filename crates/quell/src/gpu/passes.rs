@@ -525,7 +525,7 @@ impl Pass {
     /// All passes of both filters, and the debug views.
     pub fn all() -> impl Iterator<Item = Self> {
         let real_time = Self::BORDER.into_iter().chain(Self::SINGLE).chain(Self::FUSED).chain(Self::JOINT);
-        real_time.chain(Self::SEQUENCE).chain(Self::DEBUG)
+        real_time.chain(Self::SEQUENCE).chain(Self::RESIDUAL).chain(Self::FINISH).chain(Self::DEBUG)
     }
 
     /// The pass that runs one stage alone.

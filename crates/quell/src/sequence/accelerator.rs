@@ -4,6 +4,7 @@
 //! [`super::SequenceDenoiser::with_accelerator`], and takes what comes back.
 
 use super::estimate::EstimateJob;
+use super::finish::FinishJob;
 use super::settings::Wavelet;
 use crate::error::Error;
 use crate::frame::Rgb;
@@ -41,13 +42,23 @@ pub trait Accelerator: std::fmt::Debug + Send + Sync {
 
 /// Frames of one filter that are kept by an [`Accelerator`], until a cut or the end.
 pub trait AcceleratedWindow: std::fmt::Debug + Send {
-    /// Stages `gather` to `wavelet`: what [`EstimateJob`] asks for is handed back with its `store` functions. False: this frame is not
-    /// for it ([`EstimateJob::unfit`], or want of memory), and nothing was stored; the filter runs `gather` and `variance`
+    /// Stages `gather` to `residual`: what [`EstimateJob`] asks for is handed back with its `store` functions. False: this frame is not
+    /// for it ([`EstimateJob::unfit`], or want of memory), and nothing was stored; the filter runs the others
     /// itself and asks for [`Accelerator::wavelet`].
     ///
     /// # Errors
     /// A sentence for the user. The filter gives up what it holds.
     fn estimate(&mut self, job: &mut EstimateJob<'_>) -> Result<bool, String>;
+
+    /// Stages `stabilise` to `blend`, of a frame whose window was estimated there: the result is handed back with
+    /// [`FinishJob::store`]. False: this frame is not for it, and nothing was stored; the filter runs these stages itself.
+    ///
+    /// # Errors
+    /// A sentence for the user. The filter gives up what it holds.
+    fn finish(&mut self, job: &mut FinishJob<'_>) -> Result<bool, String> {
+        let _ = job;
+        Ok(false)
+    }
 }
 
 /// What is asked of the wavelet for one light: a twin of `stages/wavelet` needs no more, besides [`WaveletJob`]'s planes.

@@ -2,6 +2,7 @@
 
 use super::accelerator::{self, AcceleratedWindow, Accelerator};
 use super::estimate::EstimateJob;
+use super::finish::{Finish, FinishJob};
 use super::frame::{Filtered, FilteredLight, SequenceFrame};
 use super::pipeline::{SequencePlan, SequenceStage};
 use super::run::{self, Estimate, SequenceStages, StageTimes, stages_of};
@@ -247,19 +248,7 @@ impl SequenceDenoiser {
                 let (from, to) = (t.saturating_sub(steady), if future { (t + steady).min(last) } else { t });
                 for i in from..=to {
                     if self.entries[i].estimate.is_none() {
-                        let mut estimate = self.estimate(i).inspect_err(|_| self.clear())?;
-                        if self.plan.runs(SequenceStage::Stabilise) {
-                            let s = &self.settings.stabilise;
-                            let (stages, features) = (self.stages, &self.entries[i].frame.features);
-                            self.times.during("stabilise: signature", || {
-                                if s.net {
-                                    let signature = (stages.signature)(features, &estimate.picture);
-                                    estimate.signature = Some(stabilise::kept(signature));
-                                } else {
-                                    estimate.likeness = Some((stages.likeness)(&estimate.picture, &estimate.input, s));
-                                }
-                            });
-                        }
+                        let estimate = self.estimate(i).inspect_err(|_| self.clear())?;
                         self.entries[i].estimate = Some(estimate);
                         self.entries[i].frame.estimated();
                         if i < t || !self.entries[i].wanted {
@@ -268,7 +257,7 @@ impl SequenceDenoiser {
                         }
                     }
                 }
-                if let Some(filtered) = self.result(t, from, to) {
+                if let Some(filtered) = self.result(t, from, to).inspect_err(|_| self.clear())? {
                     // Neighbours still read the picture, nobody the lights: frames are large.
                     self.given_out(t);
                     go_on = out(filtered);
@@ -320,10 +309,7 @@ impl SequenceDenoiser {
             if let Device::Window(there) = device {
                 let mut job = EstimateJob::new(&window, i - from, s);
                 if there.estimate(&mut job).map_err(|reason| accelerator::failed(accelerator, reason))? {
-                    let (slots, mut colours, samples) = job.estimated();
-                    if plan.runs(SequenceStage::Residual) {
-                        colours = (stages.residual)(frame, &slots, colours, &s.residual);
-                    }
+                    let (slots, colours, samples) = job.estimated();
                     let picture = (stages.sum)(frame, &slots, &colours);
                     let input = (stages.input)(frame, &slots, &colours);
                     return Ok(Estimate { slots, colours, picture, input, samples, likeness: None, signature: None });
@@ -333,24 +319,65 @@ impl SequenceDenoiser {
         run::estimate(stages, plan, &window, i - from, s, (accelerator.as_deref(), times))
     }
 
-    fn result(&mut self, t: usize, from: usize, to: usize) -> Option<Filtered> {
-        let frames: Vec<(&PreparedFrame, &Estimate)> =
-            self.entries.range(from..=to).filter_map(|e| Some((&e.frame, e.estimate.as_ref()?))).collect();
-        let entry = self.entries.get(t)?;
-        let estimate = entry.estimate.as_ref()?;
+    fn result(&mut self, t: usize, from: usize, to: usize) -> Result<Option<Filtered>, Error> {
+        let made = self.finish_on_device(from, to, t)?;
+        if made.is_none() {
+            self.compare_by(from, to);
+        }
+        let frames = around(&self.entries, from, to);
+        let Some((entry, estimate)) = self.entries.get(t).and_then(|e| Some((e, e.estimate.as_ref()?))) else {
+            return Ok(None);
+        };
         #[cfg(all(feature = "internals", feature = "cpu"))]
         if let Some((every, views)) = &mut self.blend_views {
             views.push(run::blend_view(self.stages, &frames, t - from, *every, &self.settings));
         }
+        let times = (made, &mut self.times);
         let run::Finished { passes, alpha, noise } =
-            run::finish(self.stages, &self.plan, &frames, t - from, &self.settings, &mut self.times);
+            run::finish(self.stages, &self.plan, &frames, t - from, &self.settings, times);
         let samples = estimate.samples.clone();
         let full = self.settings.variance.confident_samples;
         let confidence = par::plane(samples.size(), |x, y| (samples.at(x, y) / full).min(1.0));
         let lights = with_weights(&entry.frame, passes);
         let (number, repaired) = (entry.frame.number, entry.frame.repaired);
-        Some(Filtered { number, lights, alpha, confidence, samples, noise, repaired })
+        Ok(Some(Filtered { number, lights, alpha, confidence, samples, noise, repaired }))
     }
+
+    /// Stages `stabilise` to `blend`, where the frames of the run are on a device that runs them.
+    fn finish_on_device(&mut self, from: usize, to: usize, t: usize) -> Result<Option<Finish>, Error> {
+        let (Device::Window(there), Some(accelerator)) = (&mut self.device, self.accelerator.as_deref()) else {
+            return Ok(None);
+        };
+        let frames = around(&self.entries, from, to);
+        let Some(mut job) = FinishJob::new(&frames, t - from, &self.plan, &self.settings) else { return Ok(None) };
+        let made = there.finish(&mut job).map_err(|reason| accelerator::failed(accelerator, reason))?;
+        Ok(if made { job.made() } else { None })
+    }
+
+    /// Finds by what `stabilise` compares the pixels of these frames, where it is not known yet.
+    fn compare_by(&mut self, from: usize, to: usize) {
+        if !self.plan.runs(SequenceStage::Stabilise) {
+            return;
+        }
+        let Self { settings: SequenceSettings { stabilise: s, .. }, stages, entries, times, .. } = self;
+        for Entry { frame, estimate, .. } in entries.range_mut(from..=to) {
+            let Some(estimate) = estimate.as_mut().filter(|e| e.signature.is_none() && e.likeness.is_none()) else {
+                continue;
+            };
+            times.during("stabilise: signature", || {
+                if s.net {
+                    estimate.signature = Some(stabilise::kept((stages.signature)(&frame.features, &estimate.picture)));
+                } else {
+                    estimate.likeness = Some((stages.likeness)(&estimate.picture, &estimate.input, s));
+                }
+            });
+        }
+    }
+}
+
+/// Frames that take part in one, as far as they were estimated: all.
+fn around(entries: &VecDeque<Entry>, from: usize, to: usize) -> Vec<(&PreparedFrame, &Estimate)> {
+    entries.range(from..=to).filter_map(|e| Some((&e.frame, e.estimate.as_ref()?))).collect()
 }
 
 /// The passes of a frame with their weights as they came; lights of one surface share them.

@@ -1,4 +1,4 @@
-//! Stages `gather` to `wavelet` of one frame as a host may run them on a device that keeps the frames of the window: which planes
+//! Stages `gather` to `residual` of one frame as a host may run them on a device that keeps the frames of the window: which planes
 //! of which frames are needed, what is asked of each light, and where the result goes.
 //!
 //! A frame's planes change once after it has come: motion to the next frame is known when that has come, too. Nobody
@@ -6,53 +6,15 @@
 
 use super::accelerator::{Guide, MOST_COLOUR, WaveletJob, WaveletLight};
 use super::frame::LightKind;
-use super::run::stages_of;
-use super::settings::{Gather, SequenceSettings, Variance};
+use super::pipeline::SequenceStage;
+use super::planes::{self, FramePlane, numbers, texels};
+use super::run::{most_samples, stages_of};
+use super::settings::{Gather, Residual, SequenceSettings, Variance};
 use crate::denoiser::Backend;
 use crate::par;
 use crate::plane::{Plane, Size};
 use crate::stages::gather::{self, Gathered, decay, lit};
-use crate::window::{Class, Features, LightSlot, Motion, Packed, PreparedFrame, Rows, Samples};
-
-/// A plane of a frame of the window.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub enum FramePlane {
-    /// 1/depth (0: background) and the position: four f32.
-    Surface,
-    /// Unit normal, or zeros, and 1 in a mirror or glass, else 0: four f32.
-    Normal,
-    /// Motion to the frame before, in pixels: two f32. Unknown motion leads [`FramePlane::FAR`] away.
-    ToPrevious,
-    /// Motion to the next frame. Not of the window's last: it may not be known yet.
-    ToNext,
-    /// Motion of what mirrors and glass show; at other pixels the surface's.
-    ReflectionToPrevious,
-    /// The same to the next frame.
-    ReflectionToNext,
-    /// Colour that mirrors and glass show, tone-mapped: four halves, the last 0.
-    SeenColour,
-    /// Unit normal seen there, or zeros: four halves, the last 0.
-    SeenNormal,
-    /// Samples of a colour plane: four halves, the last 0. Its number among all of a frame's, the same in every frame.
-    Samples(usize),
-    /// Mean of a light around the pixel and its deviation, below 0 where it has no noise: two halves. The number of the
-    /// light's first plane.
-    Light(usize),
-}
-
-impl FramePlane {
-    /// Pixels to where no picture reaches.
-    pub const FAR: f32 = 1e9;
-
-    /// Bytes of a pixel.
-    pub fn bytes(self) -> usize {
-        match self {
-            Self::Surface | Self::Normal => 16,
-            Self::Light(_) => 4,
-            _ => 8,
-        }
-    }
-}
+use crate::window::{Class, Features, LightSlot, PreparedFrame, Rows, Samples};
 
 /// A frame of the window.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -124,7 +86,7 @@ pub struct OnCpu {
     pub variance: Vec<f32>,
 }
 
-/// Stages `gather` to `wavelet` of one frame, or of a band of its rows.
+/// Stages `gather` to `residual` of one frame, or of a band of its rows.
 pub struct EstimateJob<'a> {
     window: &'a [&'a PreparedFrame],
     centre: usize,
@@ -199,10 +161,9 @@ impl<'a> EstimateJob<'a> {
         self.centre
     }
 
-    /// The most frames that a window holds.
+    /// The most frames whose feature buffers a window holds.
     pub fn most_frames(&self) -> usize {
-        let frames = self.settings.gather.frames as usize;
-        if self.settings.gather.future { 2 * frames + 1 } else { frames + 1 }
+        frames_held(self.settings)
     }
 
     /// Settings of `gather` of this frame.
@@ -213,6 +174,11 @@ impl<'a> EstimateJob<'a> {
     /// Settings of `variance`.
     pub fn variance(&self) -> &Variance {
         &self.settings.variance
+    }
+
+    /// Settings of `residual`; `None`: filtered light is not corrected.
+    pub fn residual(&self) -> Option<&Residual> {
+        SequenceStage::Residual.runs(self.settings).then_some(&self.settings.residual)
     }
 
     /// Which of [`FramePlane::SeenColour`] and [`FramePlane::SeenNormal`] stop the wavelet.
@@ -263,31 +229,11 @@ impl<'a> EstimateJob<'a> {
     /// none.
     pub fn plane(&self, place: usize, plane: FramePlane, align: usize) -> Vec<u8> {
         let member = self.member(place);
-        let bytes = plane.bytes();
         match plane {
-            FramePlane::Surface => {
-                // Squares of distances stay finite.
-                let near = |v: f32| v.clamp(-MOST_COLOUR, MOST_COLOUR);
-                self.texels(align, bytes, |i, texel| {
-                    let s = &member.features.surface[i];
-                    let [x, y, z] = s.position.map(near);
-                    numbers(texel, [s.inverse_depth, x, y, z]);
-                })
-            }
-            FramePlane::Normal => self.texels(align, bytes, |i, texel| {
-                let [x, y, z] = member.features.surface[i].normal;
-                numbers(texel, [x, y, z, if member.features.is_mirror(i) { 1.0 } else { 0.0 }]);
-            }),
-            FramePlane::ToPrevious => self.motion(align, member.features.motion.get(false, false)),
-            FramePlane::ToNext => self.motion(align, member.features.motion.get(true, false)),
-            FramePlane::ReflectionToPrevious => self.motion(align, member.features.motion.get(false, true)),
-            FramePlane::ReflectionToNext => self.motion(align, member.features.motion.get(true, true)),
-            FramePlane::SeenColour => self.packed(align, member.features.seen.as_ref().map(|seen| (seen, 0))),
-            FramePlane::SeenNormal => self.packed(align, member.features.seen.as_ref().map(|seen| (seen, 1))),
             FramePlane::Light(number) => {
                 let light = member.slots.iter().find(|slot| slot.first == number).map(|slot| slot.light);
                 let means = light.and_then(|light| member.means.places.get(light).copied().flatten());
-                self.texels(align, bytes, |i, texel| {
+                texels(self.size(), align, plane.bytes(), |i, texel| {
                     let values = means.map_or([half::f16::ZERO; 2], |m| member.means.halves(m, i));
                     for (bytes, value) in texel.as_chunks_mut::<2>().0.iter_mut().zip(values) {
                         *bytes = value.to_le_bytes();
@@ -296,51 +242,21 @@ impl<'a> EstimateJob<'a> {
             }
             FramePlane::Samples(number) => {
                 let owner = member.slots.iter().find(|slot| (slot.first..slot.first + slot.planes).contains(&number));
-                self.packed(
-                    align,
-                    owner.and_then(|slot| match member.stored[slot.light] {
-                        Samples::Packed(first) => Some((&member.samples, first + number - slot.first)),
-                        _ => None,
-                    }),
-                )
+                let found = owner.and_then(|slot| match member.stored[slot.light] {
+                    Samples::Packed(first) => Some((&member.samples, first + number - slot.first)),
+                    _ => None,
+                });
+                planes::packed(self.size(), align, found)
             }
+            _ => planes::of_features(&member.features, plane, align),
         }
-    }
-
-    fn motion(&self, align: usize, motion: Option<Motion<'_>>) -> Vec<u8> {
-        let known = |m: [f32; 2]| m.iter().all(|c| c.abs() <= FramePlane::FAR);
-        self.texels(align, 8, |i, texel| {
-            let m = motion.map_or([0.0; 2], |motion| motion.at(i));
-            numbers(texel, if known(m) { m } else { [FramePlane::FAR; 2] });
-        })
-    }
-
-    fn packed(&self, align: usize, plane: Option<(&Packed, usize)>) -> Vec<u8> {
-        self.texels(align, 8, |i, texel| {
-            let [r, g, b] = plane.map_or([half::f16::ZERO; 3], |(packed, k)| packed.halves(k, i));
-            for (bytes, value) in texel.as_chunks_mut::<2>().0.iter_mut().zip([r, g, b]) {
-                *bytes = value.to_le_bytes();
-            }
-        })
-    }
-
-    fn texels(&self, align: usize, bytes: usize, fill: impl Fn(usize, &mut [u8]) + Sync) -> Vec<u8> {
-        let size = self.size();
-        let stride = (size.width * bytes).next_multiple_of(align.max(1));
-        let mut out = vec![0u8; stride * size.height];
-        par::rows(&mut out, stride.max(1), |y, row| {
-            for (x, texel) in row.chunks_exact_mut(bytes).take(size.width).enumerate() {
-                fill(y * size.width + x, texel);
-            }
-        });
-        out
     }
 
     /// Colour of the surface, tone-mapped, which stops undivided light ([`Guide::Colour`]): four f32 a pixel, the last
     /// 0.
     pub fn albedo(&self) -> Vec<u8> {
         let albedo = self.here().features.albedo.as_ref();
-        self.texels(1, 16, |i, texel| {
+        texels(self.size(), 1, 16, |i, texel| {
             let [r, g, b] = albedo.map_or([0.0; 3], |albedo| albedo.at(0, i));
             numbers(texel, [r, g, b, 0.0]);
         })
@@ -349,7 +265,7 @@ impl<'a> EstimateJob<'a> {
     /// Variance that the renderer gave of a light, in the light's units; -1 where it is unknown: one f32 a pixel.
     pub fn given(&self, light: usize) -> Vec<u8> {
         let given = self.slots.get(light).and_then(|slot| self.here().given_variance(slot));
-        self.texels(1, 4, |i, texel| {
+        texels(self.size(), 1, 4, |i, texel| {
             let given = given.as_ref().map_or(f32::NAN, |given| given.data()[i]);
             numbers(texel, [if given.is_nan() { -1.0 } else { given.min(MOST_COLOUR * MOST_COLOUR) }]);
         })
@@ -392,6 +308,22 @@ impl<'a> EstimateJob<'a> {
         (self.slots, self.estimated, self.samples)
     }
 
+    /// Fills the job with what this processor makes of it: for tests of the stages after it.
+    pub fn estimate_on_cpu(&mut self) {
+        let (here, s, stages) = (self.here(), self.settings, stages_of(Backend::default()));
+        let gathered = (stages.gather)(self.window, self.centre, &self.gather());
+        let local = (stages.feature_noise)(&here.features);
+        let given: Vec<_> = gathered.slots.iter().map(|slot| here.given_variance(slot)).collect();
+        let pooled = (stages.variance)(&local, &gathered, &given, &s.variance, &s.wavelet);
+        self.samples = most_samples(here.features.size, &gathered.moments);
+        self.estimated = (stages.wavelet)(&local, &gathered.slots, gathered.colours, pooled, &s.wavelet);
+        self.slots = gathered.slots;
+        if self.residual().is_some() {
+            let estimated = std::mem::replace(&mut self.estimated, Rows::empty());
+            self.estimated = (stages.residual)(here, &self.slots, estimated, &s.residual);
+        }
+    }
+
     /// What this processor makes of the lights of [`EstimateJob::lights`] before stage 3, and of the guides (four f32 a
     /// pixel): for tests of agreement.
     pub fn on_cpu(&self) -> (Vec<OnCpu>, Vec<(Guide, Vec<u8>)>) {
@@ -431,8 +363,8 @@ impl<'a> EstimateJob<'a> {
     }
 }
 
-fn numbers<const N: usize>(texel: &mut [u8], values: [f32; N]) {
-    for (number, value) in texel.as_chunks_mut::<4>().0.iter_mut().zip(values) {
-        *number = value.to_le_bytes();
-    }
+/// The most frames that a device holds the feature buffers of: as many as the stage that looks at most.
+pub(super) fn frames_held(s: &SequenceSettings) -> usize {
+    let frames = s.gather.frames.max(s.stabilise.frames) as usize;
+    if s.gather.future { 2 * frames + 1 } else { frames + 1 }
 }

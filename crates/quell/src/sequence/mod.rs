@@ -7,7 +7,9 @@
 //! run.rs         the walk along that order on one back end
 //! denoiser.rs    frames in, filtered frames out
 //! accelerator.rs what a host may run on a device: the wavelet alone, or
-//! estimate.rs    gather, variance and wavelet, with the frames of the window kept there
+//! estimate.rs    gather, variance and wavelet, with the frames of the window kept there, and
+//! finish.rs      stabilise to blend
+//! planes.rs      planes of frames as a device takes them
 //! ```
 //!
 //! Frames of the window as the stages read them: `crate::window`.
@@ -20,8 +22,10 @@ mod accelerator;
 mod agreement;
 mod denoiser;
 mod estimate;
+mod finish;
 pub mod frame;
 pub mod pipeline;
+mod planes;
 mod run;
 pub mod settings;
 #[cfg(all(test, feature = "cpu"))]
@@ -43,7 +47,9 @@ pub use settings::{SEQUENCE_PARAMETERS, SequencePreset, SequenceSettings};
 #[allow(unused_imports, reason = "without the feature `internals` few are used")]
 mod device {
     pub use super::accelerator::{AcceleratedWindow, Guide, WaveletJob, WaveletLight};
-    pub use super::estimate::{EstimateJob, FramePlane, GatheredLight, LightPlace, OnCpu, WindowFrame};
+    pub use super::estimate::{EstimateJob, GatheredLight, LightPlace, OnCpu, WindowFrame};
+    pub use super::finish::{FinishJob, FinishedOnCpu, PictureFrame};
+    pub use super::planes::FramePlane;
     pub use crate::window::{Features, LightSlot, Motion, MotionPlanes, Sparse, SurfacePoint, Vectors};
 }
 #[cfg(feature = "internals")]

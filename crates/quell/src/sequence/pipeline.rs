@@ -128,7 +128,7 @@ impl SequenceStage {
         }
     }
 
-    fn runs(self, s: &SequenceSettings) -> bool {
+    pub(super) fn runs(self, s: &SequenceSettings) -> bool {
         match self {
             Self::ReflectionMotion => s.gather.frames > 0 || s.stabilise.frames > 0,
             Self::Stabilise => s.stabilise.frames > 0,

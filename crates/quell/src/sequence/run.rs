@@ -1,6 +1,7 @@
 //! The walk along the plan: stages of one frame on one back end.
 
 use super::accelerator::{self, Accelerator, WaveletJob};
+use super::finish::Finish;
 use super::pipeline::{SequencePlan, SequenceStage};
 use super::settings::{self, Gather, Reflections, SequenceSettings, Stabilise, Variance, Wavelet};
 use crate::denoiser::Backend;
@@ -220,22 +221,27 @@ pub(crate) struct Finished {
     pub noise: Option<Plane<f32>>,
 }
 
-/// Runs the plan's stages after [`SequenceStage::Sum`] for `frames[centre]`.
+/// Runs the plan's stages after [`SequenceStage::Sum`] for `frames[centre]`. `made`: what a device made of those before the last.
 pub(crate) fn finish(
     stages: &SequenceStages,
     plan: &SequencePlan,
     frames: &[(&PreparedFrame, &Estimate)],
     centre: usize,
     s: &SequenceSettings,
-    times: &mut StageTimes,
+    (made, times): (Option<Finish>, &mut StageTimes),
 ) -> Finished {
     let (frame, estimate) = frames[centre];
     let mut finished = Finished { passes: Vec::new(), alpha: frame.alpha.clone(), noise: None };
     // A stage that does not run hands its input on.
     let (mut steady, mut blend) = (None, None);
+    let on_device = made.is_some();
+    if let Some(Finish { steady: picture, blend: mut found }) = made {
+        (finished.alpha, finished.noise) = (found.alpha.take(), Some(take(&mut found.noise)));
+        (steady, blend) = (Some(picture), Some(found));
+    }
     let gather = gather::settings_of(&s.gather, &frame.features);
     for stage in plan.stages().filter(|stage| !within_window(*stage)) {
-        if stage == SequenceStage::ReflectionMotion {
+        if stage == SequenceStage::ReflectionMotion || (on_device && stage != SequenceStage::Rescale) {
             continue;
         }
         times.during(stage.name(), || match stage {
@@ -254,7 +260,7 @@ pub(crate) fn finish(
                 let after = (after, finished.alpha.as_ref());
                 let mut found = (stages.blend)(&blend_window(frames), centre, after, (&gather, &s.stabilise), &s.blend);
                 finished.alpha = found.alpha.take();
-                finished.noise = Some(std::mem::replace(&mut found.noise, Plane::filled(Size::new(0, 0), 0.0)));
+                finished.noise = Some(take(&mut found.noise));
                 blend = Some(found);
             }
             SequenceStage::Rescale => {
@@ -267,7 +273,12 @@ pub(crate) fn finish(
     finished
 }
 
-fn stabilise_window<'a>(frames: &'a [(&PreparedFrame, &Estimate)]) -> Vec<StabiliseFrame<'a>> {
+/// Leaves an empty plane.
+fn take(plane: &mut Plane<f32>) -> Plane<f32> {
+    std::mem::replace(plane, Plane::filled(Size::new(0, 0), 0.0))
+}
+
+pub(super) fn stabilise_window<'a>(frames: &'a [(&PreparedFrame, &Estimate)]) -> Vec<StabiliseFrame<'a>> {
     let one = |(frame, estimate): &(&'a PreparedFrame, &'a Estimate)| StabiliseFrame {
         features: &frame.features,
         picture: &estimate.picture,
@@ -344,7 +355,7 @@ pub(crate) fn blend_view(
     BlendView { number: frame.number, candidates, inputs, noise, own_noise, inverse, before, chosen, taps }
 }
 
-fn most_samples(size: Size, moments: &Rows) -> Plane<f32> {
+pub(super) fn most_samples(size: Size, moments: &Rows) -> Plane<f32> {
     par::plane(size, |x, y| (0..moments.channels() / 2).map(|l| moments.row(y, 2 * l + 1)[x]).fold(1.0, f32::max))
 }
 

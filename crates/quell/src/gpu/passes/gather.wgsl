@@ -8,31 +8,12 @@ fn surface_at(there: WindowFrame, pixel: vec2i) -> SurfacePoint {
     return SurfacePoint(texel.x, textureLoad(surface_normals, pixel, there.layer, 0).xyz, texel.yzw);
 }
 
-// True where the pixel is a mirror or glass.
-fn is_mirror(there: WindowFrame, pixel: vec2i) -> bool {
-    return textureLoad(surface_normals, pixel, there.layer, 0).w > 0.0;
-}
-
 fn seen_colour_at(there: WindowFrame, pixel: vec2i) -> vec3f {
     return textureLoad(seen_colours, pixel, there.layer, 0).xyz;
 }
 
 fn seen_normal_at(there: WindowFrame, pixel: vec2i) -> vec3f {
     return textureLoad(seen_normals, pixel, there.layer, 0).xyz;
-}
-
-// Of the frame's surfaces, or of what mirrors and glass show; unknown motion leads far out of the picture.
-fn motion_at(there: WindowFrame, forward: bool, reflected: bool, pixel: vec2i) -> vec2f {
-    if forward {
-        if reflected && has(there, HAS_REFLECTION_TO_NEXT) {
-            return textureLoad(reflection_to_next, pixel, there.layer, 0).xy;
-        }
-        return textureLoad(to_next, pixel, there.layer, 0).xy;
-    }
-    if reflected && has(there, HAS_REFLECTION_TO_PREVIOUS) {
-        return textureLoad(reflection_to_previous, pixel, there.layer, 0).xy;
-    }
-    return textureLoad(to_previous, pixel, there.layer, 0).xy;
 }
 
 fn sample_at(k: u32, there: WindowFrame, pixel: vec2i) -> vec3f {

@@ -1,9 +1,12 @@
 //! The sequence filter's passes, compiled.
 
+use super::finish::FinishKernels;
+use super::residual::ResidualKernels;
 use super::wavelet::SequenceWavelet;
 use crate::gpu::kernel::Kernel;
 use crate::gpu::pass::Pass;
 use crate::gpu::storage::Storage;
+use std::sync::OnceLock;
 
 /// Every pass of the sequence filter, compiled for a device.
 #[derive(Clone, Debug)]
@@ -12,6 +15,9 @@ pub struct SequenceKernels {
     pub(super) gather: Kernel,
     pub(super) variance: Kernel,
     pub(super) wavelet: SequenceWavelet,
+    pub(super) residual: ResidualKernels,
+    /// Of the stages after the filtered light: compiled where they are first asked for.
+    finish: OnceLock<FinishKernels>,
 }
 
 /// A pass that has no planes of the real-time filter: how these are stored does not matter to it.
@@ -30,20 +36,35 @@ impl SequenceKernels {
             gather: kernel(device, Pass::GATHER, None),
             variance: kernel(device, Pass::VARIANCE, None),
             wavelet: SequenceWavelet::new(device),
+            residual: ResidualKernels::new(device),
+            finish: OnceLock::new(),
         }
     }
 
-    /// The same with one of [`Pass::SEQUENCE`] from changed WGSL, with the same bindings and entry point: for tests that
+    /// The same with one of [`Pass::SEQUENCE`], [`Pass::RESIDUAL`] or [`Pass::FINISH`] from changed WGSL, with the same bindings and entry point: for tests that
     /// plant a difference. Another pass changes nothing.
     #[must_use]
     pub fn with_source(&self, device: &wgpu::Device, pass: Pass, source: &str) -> Self {
         let mut changed = self.clone();
+        if Pass::FINISH.iter().any(|other| other.name == pass.name) {
+            let mut finish = self.finish(device).clone();
+            finish.with_source(device, pass, source);
+            changed.finish = OnceLock::from(finish);
+            return changed;
+        }
+        if changed.residual.with_source(device, pass, source) {
+            return changed;
+        }
         let place = [&mut changed.feature_noise, &mut changed.gather, &mut changed.variance];
         match place.into_iter().find(|kernel| kernel.pass().name == pass.name) {
             Some(place) => *place = kernel(device, pass, Some(source)),
             None => changed.wavelet = changed.wavelet.with_source(device, pass, source),
         }
         changed
+    }
+
+    pub(super) fn finish(&self, device: &wgpu::Device) -> &FinishKernels {
+        self.finish.get_or_init(|| FinishKernels::new(device))
     }
 
     /// Stage 3 alone.

@@ -2,21 +2,23 @@
 
 use crate::gpu::pass::{Binding, BindingKind, Element, Pass};
 
-const fn settings(name: &'static str) -> Binding {
+pub(super) const fn settings(name: &'static str) -> Binding {
     Binding { name: "settings", kind: BindingKind::Uniform(name) }
 }
-const fn frames(name: &'static str) -> Binding {
+pub(super) const fn frames(name: &'static str) -> Binding {
     Binding { name, kind: BindingKind::Frames }
 }
-const fn read(name: &'static str) -> Binding {
+pub(super) const fn read(name: &'static str) -> Binding {
     Binding { name, kind: BindingKind::Read(Element::Four) }
 }
-const fn written(name: &'static str) -> Binding {
+pub(super) const fn written(name: &'static str) -> Binding {
     Binding { name, kind: BindingKind::Write(Element::Four) }
 }
 const COMPARED: &str = "compared";
 
-const IMAGE: &str = include_str!("image.wgsl");
+pub(super) const IMAGE: &str = include_str!("image.wgsl");
+pub(super) const HAS: &str = include_str!("has.wgsl");
+pub(super) const FRAMES: &str = include_str!("frames.wgsl");
 const FEATURES: &str = include_str!("features.wgsl");
 const MATH: &str = include_str!("../../kernels/math.wgsl");
 const GUIDE_DISTANCE: &str = include_str!("../../kernels/guide_distance.wgsl");
@@ -25,7 +27,7 @@ const WAVELET: &str = include_str!("../../stages/wavelet/shader.wgsl");
 /// Colour planes that one dispatch of stage 1 takes.
 pub(super) const TOGETHER: usize = 4;
 
-const fn pass(
+pub(super) const fn pass(
     name: &'static str,
     entry: &'static str,
     bindings: &'static [Binding],
@@ -87,6 +89,8 @@ impl Pass {
             IMAGE,
             MATH,
             GUIDE_DISTANCE,
+            HAS,
+            FRAMES,
             include_str!("../../stages/gather/shader.wgsl"),
             include_str!("../passes/gather.wgsl"),
         ],

@@ -2,6 +2,7 @@
 
 use super::kernels::SequenceKernels;
 use super::passes::TOGETHER;
+use super::residual::Corrected;
 use super::uniforms::*;
 use super::wavelet::WaveletBuffers;
 use super::window::{Array, COLOUR, PASS, SequenceWindow, Work, layer, lights};
@@ -10,7 +11,9 @@ use crate::gpu::kernel::Bindable;
 use crate::gpu::small::filled;
 use crate::gpu::uniform::Value;
 use crate::plane::Size;
+use crate::sequence::settings::Residual;
 use crate::sequence::{EstimateJob, FramePlane, GatheredLight, Guide, LightPlace};
+use crate::stages::residual::{LEVELS, Trust};
 use glam::{UVec4, Vec4};
 use std::collections::BTreeMap;
 
@@ -21,8 +24,15 @@ pub enum SequenceStage {
     Gather,
     /// Means, with the variance of their luminance.
     Variance,
-    /// All.
+    /// Filtered light.
     Wavelet,
+    /// All: filtered light, corrected, where the job asks for that.
+    Residual,
+}
+
+impl SequenceStage {
+    /// All, in order.
+    pub const ALL: [Self; 4] = [Self::Gather, Self::Variance, Self::Wavelet, Self::Residual];
 }
 
 /// What an encoder makes once it has run: buffers of 32-bit floats, valid until the window encodes again.
@@ -58,7 +68,7 @@ impl SequenceWindow {
         for place in 0..job.len() {
             self.upload(device, encoder, job, place)?;
         }
-        let Self { kernels, size, layers, arrays, work, absent, shown } = self;
+        let Self { kernels, size, layers, arrays, work, absent, shown, .. } = self;
         let work = work.as_ref().ok_or(Error::Missing { pass: PASS })?;
         let stages = Stages { kernels, device, job, size: *size, layers: *layers, arrays, work, absent };
         let lights = lights(job);
@@ -72,6 +82,11 @@ impl SequenceWindow {
             planes.extend((0..count).filter_map(|k| Some((light.wavelet.light, k, work.means.get(first + k)?))));
             if until > SequenceStage::Gather && light.wavelet.levels > 0 {
                 stages.filter(encoder, light, first, until)?;
+            }
+            if until == SequenceStage::Residual
+                && let Some(residual) = job.residual()
+            {
+                stages.correct(encoder, (light, first), residual)?;
             }
             first += count;
         }
@@ -235,11 +250,36 @@ impl<'w> Stages<'w> {
                 layer: layer(frame.number, self.layers) as i32,
                 has: has.iter().filter(|(has, _)| *has).map(|(_, bit)| bit).sum(),
                 pixel_angle: frame.pixel_angle,
+                picture: 0,
                 places: UVec4::new(at(0), at(1), at(2), at(3)),
             };
             member.write(&mut bytes);
         }
         filled(self.device, "quell sequence frames", &bytes, wgpu::BufferUsages::STORAGE)
+    }
+
+    /// Stage `residual` of a light whose filtered planes begin at `first`.
+    fn correct(
+        &self,
+        encoder: &mut wgpu::CommandEncoder,
+        (light, first): (&GatheredLight, usize),
+        s: &Residual,
+    ) -> Result<(), Error> {
+        let missing = || Error::Missing { pass: PASS };
+        let place = light.places.get(self.job.centre()).copied().unwrap_or(LightPlace::Unknown);
+        if place == LightPlace::Unknown {
+            return Ok(());
+        }
+        let corrected = Corrected {
+            size: self.size,
+            first_row: self.job.rows().0,
+            own: self.frames(FramePlane::Samples(light.first)),
+            layer: layer(self.job.frame(self.job.centre()).number, self.layers),
+            is_black: place == LightPlace::Black,
+            planes: self.work.means.get(first..first + light.wavelet.planes).ok_or_else(missing)?,
+            buffers: &self.work.cells,
+        };
+        self.kernels.residual.encode(self.device, encoder, &corrected, (LEVELS.as_slice(), Trust::of_lights(s)))
     }
 
     /// Stages 2 and 3 of a light whose means begin at `first`. The result is where the means were.

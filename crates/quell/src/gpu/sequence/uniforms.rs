@@ -60,6 +60,8 @@ uniforms! {
         pub(super) has: u32,
         /// World-space size of a pixel per unit of depth; 0 where positions are unknown.
         pub(super) pixel_angle: f32,
+        /// Its layer among the pictures.
+        pub(super) picture: i32,
         /// Where it has each of four colour planes: `PLANE_*`.
         pub(super) places: UVec4,
     }
@@ -135,7 +137,7 @@ impl LightUniforms {
 }
 
 /// Layouts of these structs.
-pub(in crate::gpu) fn layouts() -> [Uniform; 6] {
+pub(in crate::gpu) fn layouts() -> [Uniform; 8] {
     [
         FeatureUniforms::layout(),
         GatherUniforms::layout(),
@@ -143,6 +145,8 @@ pub(in crate::gpu) fn layouts() -> [Uniform; 6] {
         GuideStops::layout(),
         LightUniforms::layout(),
         super::debug::layout(),
+        super::residual::layout(),
+        super::finish::layout(),
     ]
 }
 
@@ -154,6 +158,11 @@ pub(in crate::gpu) const HAS_REFLECTION_TO_PREVIOUS: u32 = 4;
 pub(in crate::gpu) const HAS_REFLECTION_TO_NEXT: u32 = 8;
 pub(in crate::gpu) const HAS_SEEN: u32 = 16;
 pub(in crate::gpu) const HAS_REPEATED_NOISE: u32 = 32;
+
+/// The colours and the normals that are seen there are known; it has planes of the surface's colour.
+pub(in crate::gpu) const HAS_SEEN_COLOUR: u32 = 64;
+pub(in crate::gpu) const HAS_SEEN_NORMAL: u32 = 128;
+pub(in crate::gpu) const HAS_SURFACE_COLOUR: u32 = 256;
 
 /// A colour plane of a frame is black, among its samples, or was free of noise there and is not kept.
 pub(in crate::gpu) const PLANE_BLACK: u32 = 0;

@@ -5,8 +5,10 @@
 //! frame that needs its layer overwrites it. What stage 1 finds stays in buffers for stages 2 and 3. Nothing is submitted
 //! here, and copies go through the caller's encoder.
 
+use super::finish::Pictures;
 use super::kernels::SequenceKernels;
 use super::passes::TOGETHER;
+use super::residual;
 use super::schedule::Shown;
 use super::uniforms::extent;
 use crate::gpu::error::Error;
@@ -30,11 +32,18 @@ pub(super) struct Array {
     texture: wgpu::Texture,
     pub(super) view: wgpu::TextureView,
     /// Which frame each layer holds.
-    holds: Vec<Option<i64>>,
+    pub(super) holds: Vec<Option<i64>>,
 }
 
 impl Array {
-    fn new(device: &wgpu::Device, plane: FramePlane, size: Size, layers: u32) -> Self {
+    /// Read by shaders, and written as `usage` says.
+    pub(super) fn new(
+        device: &wgpu::Device,
+        format: wgpu::TextureFormat,
+        size: Size,
+        layers: u32,
+        usage: wgpu::TextureUsages,
+    ) -> Self {
         let label = Some("quell sequence frames");
         let texture = device.create_texture(&wgpu::TextureDescriptor {
             label,
@@ -42,8 +51,8 @@ impl Array {
             mip_level_count: 1,
             sample_count: 1,
             dimension: wgpu::TextureDimension::D2,
-            format: format(plane),
-            usage: wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::COPY_DST,
+            format,
+            usage: wgpu::TextureUsages::TEXTURE_BINDING | usage,
             view_formats: &[],
         });
         let view = texture.create_view(&wgpu::TextureViewDescriptor {
@@ -53,17 +62,66 @@ impl Array {
         });
         Self { texture, view, holds: vec![None; layers as usize] }
     }
+
+    pub(super) fn bytes_of_layer(&self) -> u64 {
+        let texel = self.texture.format().block_copy_size(None).unwrap_or(0);
+        u64::from(self.texture.width()) * u64::from(self.texture.height()) * u64::from(texel)
+    }
+
+    pub(super) fn bytes(&self) -> u64 {
+        self.bytes_of_layer() * self.holds.len() as u64
+    }
+
+    /// Copies a plane of frame `number` to its layer, unless it is there; whether it was not. `bytes`: the plane, with rows
+    /// filled up to a multiple of its argument.
+    pub(super) fn upload(
+        &mut self,
+        device: &wgpu::Device,
+        encoder: &mut wgpu::CommandEncoder,
+        number: i64,
+        plane: FramePlane,
+        bytes: impl FnOnce(usize) -> Vec<u8>,
+    ) -> Result<bool, Error> {
+        let layer = layer(number, self.holds.len() as u32);
+        let holds = self.holds.get_mut(layer as usize).ok_or(Error::Missing { pass: PASS })?;
+        if *holds == Some(number) {
+            return Ok(false);
+        }
+        *holds = Some(number);
+        let texture = &self.texture;
+        let align = wgpu::COPY_BYTES_PER_ROW_ALIGNMENT;
+        let row = (texture.width() * plane.bytes() as u32).next_multiple_of(align);
+        let from = filled(device, "quell sequence upload", &bytes(align as usize), wgpu::BufferUsages::COPY_SRC);
+        encoder.copy_buffer_to_texture(
+            wgpu::TexelCopyBufferInfo {
+                buffer: &from,
+                layout: wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(row), rows_per_image: None },
+            },
+            wgpu::TexelCopyTextureInfo {
+                texture,
+                mip_level: 0,
+                origin: wgpu::Origin3d { x: 0, y: 0, z: layer },
+                aspect: wgpu::TextureAspect::All,
+            },
+            wgpu::Extent3d { depth_or_array_layers: 1, ..texture.size() },
+        );
+        Ok(true)
+    }
 }
 
-fn format(plane: FramePlane) -> wgpu::TextureFormat {
+pub(super) fn format(plane: FramePlane) -> wgpu::TextureFormat {
     match plane {
-        FramePlane::Surface | FramePlane::Normal => wgpu::TextureFormat::Rgba32Float,
+        FramePlane::Surface | FramePlane::Normal | FramePlane::Picture | FramePlane::Input => {
+            wgpu::TextureFormat::Rgba32Float
+        }
         FramePlane::ToPrevious
         | FramePlane::ToNext
         | FramePlane::ReflectionToPrevious
         | FramePlane::ReflectionToNext => wgpu::TextureFormat::Rg32Float,
         FramePlane::Light(_) => wgpu::TextureFormat::Rg16Float,
-        FramePlane::SeenColour | FramePlane::SeenNormal | FramePlane::Samples(_) => wgpu::TextureFormat::Rgba16Float,
+        FramePlane::SeenColour | FramePlane::SeenNormal | FramePlane::SurfaceColour | FramePlane::Samples(_) => {
+            wgpu::TextureFormat::Rgba16Float
+        }
     }
 }
 
@@ -81,6 +139,22 @@ pub(super) struct Work {
     pub(super) means: Vec<wgpu::Buffer>,
     /// To which stages 2 and 3 write, and back; of each plane of a light.
     pub(super) others: Vec<wgpu::Buffer>,
+    /// Of stage `residual`: sums and changes of cells.
+    pub(super) cells: [wgpu::Buffer; residual::BUFFERS],
+    /// More of them, where the stages after the filtered light need more than these are.
+    spare: Vec<wgpu::Buffer>,
+}
+
+impl Work {
+    fn buffers(&self) -> impl Iterator<Item = &wgpu::Buffer> {
+        std::iter::once(&self.most).chain(&self.cells).chain(self.pool())
+    }
+
+    /// All that hold four numbers a pixel: free once the light is filtered.
+    pub(super) fn pool(&self) -> impl Iterator<Item = &wgpu::Buffer> {
+        let single = self.features.iter().chain([&self.compared]);
+        single.chain(&self.counts).chain(&self.means).chain(&self.others).chain(&self.spare)
+    }
 }
 
 /// The frames of a window on a device.
@@ -91,6 +165,8 @@ pub struct SequenceWindow {
     pub(super) layers: u32,
     pub(super) arrays: BTreeMap<FramePlane, Array>,
     pub(super) work: Option<Work>,
+    /// What the stages after the filtered light keep.
+    pub(super) pictures: Option<Pictures>,
     /// Stands in for what a frame has not.
     pub(super) absent: Array,
     /// What was encoded last.
@@ -106,18 +182,17 @@ impl SequenceWindow {
             layers: 0,
             arrays: BTreeMap::new(),
             work: None,
-            absent: Array::new(device, FramePlane::Surface, Size::new(1, 1), 1),
+            pictures: None,
+            absent: Array::new(device, format(FramePlane::Surface), Size::new(1, 1), 1, wgpu::TextureUsages::empty()),
             shown: None,
         }
     }
 
     /// Bytes of textures and buffers on the device. Copies of a frame that is uploaded come on top.
     pub fn bytes(&self) -> u64 {
-        let buffers = self.work.iter().flat_map(|work| {
-            let single = work.features.iter().chain([&work.compared, &work.most]);
-            single.chain(&work.counts).chain(&work.means).chain(&work.others)
-        });
-        self.frame_bytes() * u64::from(self.layers) + buffers.map(wgpu::Buffer::size).sum::<u64>()
+        let buffers = self.work.iter().flat_map(Work::buffers).map(wgpu::Buffer::size).sum::<u64>();
+        let pictures = self.pictures.as_ref().map_or(0, Pictures::bytes);
+        self.frame_bytes() * u64::from(self.layers) + buffers + pictures
     }
 
     /// Bytes of one frame that waits; [`SequenceWindow::layers`] of them are held.
@@ -136,17 +211,44 @@ impl SequenceWindow {
     /// # Errors
     /// [`Error::Size`] for a limit of the device that the job is beyond: nothing was allocated.
     pub fn reserve(&mut self, device: &wgpu::Device, job: &EstimateJob<'_>) -> Result<(), Error> {
-        let size = job.size();
-        let (layers, pixels) = (job.most_frames(), size.pixels() as u64);
+        self.reserve_frames(device, job.size(), job.most_frames())?;
+        for plane in (0..job.len()).flat_map(|place| needed(job, place)) {
+            self.array(device, plane);
+        }
+        let (planes, most) = counts(&lights(job));
+        let pixels = self.size.pixels() as u64;
+        let work = self.work(device);
+        let fill = |list: &mut Vec<wgpu::Buffer>, count: usize, label: &str| {
+            while list.len() < count {
+                list.push(buffer(device, label, COLOUR * pixels));
+            }
+        };
+        // A dispatch of stage 1 binds as many means as it can take.
+        fill(&mut work.means, planes.next_multiple_of(TOGETHER), "quell sequence means");
+        fill(&mut work.counts, planes.div_ceil(TOGETHER), "quell sequence counts");
+        fill(&mut work.others, most, "quell sequence others");
+        Ok(())
+    }
+
+    /// Gives back what [`SequenceWindow::reserve_finish`] took for pictures.
+    pub fn release_finish(&mut self) {
+        self.pictures = None;
+        if let Some(work) = &mut self.work {
+            work.spare.clear();
+        }
+    }
+
+    /// Forgets all that has another extent, or too few layers, after it has looked at the device's limits.
+    pub(super) fn reserve_frames(&mut self, device: &wgpu::Device, size: Size, frames: usize) -> Result<(), Error> {
         let limits = device.limits();
         let beyond = |limit| Error::Size { pass: PASS, size, limit };
         workgroups_of(device, PASS, WORKGROUP, size)?;
         if size.width.max(size.height) > limits.max_texture_dimension_2d as usize {
             return Err(beyond("max_texture_dimension_2d"));
         }
-        let layers = u32::try_from(layers).ok().filter(|n| *n <= limits.max_texture_array_layers);
+        let layers = u32::try_from(frames).ok().filter(|n| *n <= limits.max_texture_array_layers);
         let layers = layers.ok_or_else(|| beyond("max_texture_array_layers"))?;
-        if COLOUR * pixels > limits.max_storage_buffer_binding_size {
+        if COLOUR * size.pixels() as u64 > limits.max_storage_buffer_binding_size {
             return Err(beyond("max_storage_buffer_binding_size"));
         }
         // A plane that is uploaded, with its rows filled up.
@@ -157,40 +259,38 @@ impl SequenceWindow {
         if (size, layers) != (self.size, self.layers) {
             (self.size, self.layers) = (size, layers);
             self.arrays.clear();
-            self.work = None;
-            self.shown = None;
+            (self.work, self.pictures, self.shown) = (None, None, None);
         }
-        for plane in (0..job.len()).flat_map(|place| needed(job, place)) {
-            self.arrays.entry(plane).or_insert_with(|| Array::new(device, plane, size, layers));
-        }
-        let lights = lights(job);
-        let (planes, most) = counts(&lights);
-        let buffer = |label: &str, bytes: u64| {
-            device.create_buffer(&wgpu::BufferDescriptor {
-                label: Some(label),
-                size: (bytes * pixels).next_multiple_of(wgpu::COPY_BUFFER_ALIGNMENT),
-                usage: wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC | wgpu::BufferUsages::COPY_DST,
-                mapped_at_creation: false,
-            })
-        };
-        let work = self.work.get_or_insert_with(|| Work {
-            features: std::array::from_fn(|_| buffer("quell sequence features", COLOUR)),
-            compared: buffer("quell sequence compared", COMPARED),
-            most: buffer("quell sequence most", NUMBER),
+        Ok(())
+    }
+
+    /// The array of a plane, which is made where there is none.
+    pub(super) fn array(&mut self, device: &wgpu::Device, plane: FramePlane) {
+        let copied = wgpu::TextureUsages::COPY_DST;
+        let (size, layers) = (self.size, self.layers);
+        self.arrays.entry(plane).or_insert_with(|| Array::new(device, format(plane), size, layers, copied));
+    }
+
+    /// Buffers of the frame at work, at least those that every frame needs.
+    pub(super) fn work(&mut self, device: &wgpu::Device) -> &mut Work {
+        let (pixels, cells) = (self.size.pixels() as u64, residual::most_cells(self.size));
+        self.work.get_or_insert_with(|| Work {
+            features: std::array::from_fn(|_| buffer(device, "quell sequence features", COLOUR * pixels)),
+            compared: buffer(device, "quell sequence compared", COMPARED * pixels),
+            most: buffer(device, "quell sequence most", NUMBER * pixels),
             counts: Vec::new(),
             means: Vec::new(),
             others: Vec::new(),
-        });
-        let fill = |list: &mut Vec<wgpu::Buffer>, count: usize, label: &str| {
-            while list.len() < count {
-                list.push(buffer(label, COLOUR));
-            }
-        };
-        // A dispatch of stage 1 binds as many means as it can take.
-        fill(&mut work.means, planes.next_multiple_of(TOGETHER), "quell sequence means");
-        fill(&mut work.counts, planes.div_ceil(TOGETHER), "quell sequence counts");
-        fill(&mut work.others, most, "quell sequence others");
-        Ok(())
+            cells: std::array::from_fn(|_| buffer(device, "quell sequence cells", COLOUR * cells)),
+            spare: Vec::new(),
+        })
+    }
+
+    /// More buffers of four numbers a pixel.
+    pub(super) fn add_spare(&mut self, device: &wgpu::Device, count: usize) {
+        let pixels = self.size.pixels() as u64;
+        let spare = &mut self.work(device).spare;
+        spare.extend((0..count).map(|_| buffer(device, "quell sequence spare", COLOUR * pixels)));
     }
 
     /// Copies what is not there yet of the window's frame at `place`; whether there was any. Frames of a window may
@@ -206,37 +306,22 @@ impl SequenceWindow {
         place: usize,
     ) -> Result<bool, Error> {
         let number = job.frame(place).number;
-        let layer = layer(number, self.layers);
         let mut any = false;
         for plane in needed(job, place) {
             let array = self.arrays.get_mut(&plane).ok_or(Error::Missing { pass: PASS })?;
-            let texture = &array.texture;
-            let holds = array.holds.get_mut(layer as usize).ok_or(Error::Missing { pass: PASS })?;
-            if *holds == Some(number) {
-                continue;
-            }
-            *holds = Some(number);
-            any = true;
-            let align = wgpu::COPY_BYTES_PER_ROW_ALIGNMENT;
-            let bytes = job.plane(place, plane, align as usize);
-            let row = (extent(self.size).x * plane.bytes() as u32).next_multiple_of(align);
-            let from = filled(device, "quell sequence upload", &bytes, wgpu::BufferUsages::COPY_SRC);
-            encoder.copy_buffer_to_texture(
-                wgpu::TexelCopyBufferInfo {
-                    buffer: &from,
-                    layout: wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(row), rows_per_image: None },
-                },
-                wgpu::TexelCopyTextureInfo {
-                    texture,
-                    mip_level: 0,
-                    origin: wgpu::Origin3d { x: 0, y: 0, z: layer },
-                    aspect: wgpu::TextureAspect::All,
-                },
-                wgpu::Extent3d { depth_or_array_layers: 1, ..texture.size() },
-            );
+            any |= array.upload(device, encoder, number, plane, |align| job.plane(place, plane, align))?;
         }
         Ok(any)
     }
+}
+
+fn buffer(device: &wgpu::Device, label: &str, bytes: u64) -> wgpu::Buffer {
+    device.create_buffer(&wgpu::BufferDescriptor {
+        label: Some(label),
+        size: bytes.next_multiple_of(wgpu::COPY_BUFFER_ALIGNMENT),
+        usage: wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC | wgpu::BufferUsages::COPY_DST,
+        mapped_at_creation: false,
+    })
 }
 
 /// Where a frame lies.

@@ -15,9 +15,9 @@ pub(crate) const RADIUS: usize = 1;
 /// Pixels of the kernel, row by row.
 pub(crate) const TAPS: usize = (2 * RADIUS + 1) * (2 * RADIUS + 1);
 /// The most that a channel is multiplied by or divided by: what the mixture lacks no factor can give.
-const MOST: f32 = 16.0;
+pub(crate) const MOST: f32 = 16.0;
 /// A channel darker than this has no factor.
-const LEAST: f32 = 1e-8;
+pub(crate) const LEAST: f32 = 1e-8;
 
 /// The kernel's weights, which add up to 1, of what the net gives.
 #[inline(always)]

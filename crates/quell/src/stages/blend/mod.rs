@@ -285,7 +285,7 @@ const WIDTHS: [usize; 3] = [16, 32, 32];
 /// of the kernel.
 const OUTPUTS: usize = 4 + kernel::TAPS;
 /// The numbers of candidates are between this and its negative: no candidate is lost from sight in training.
-const MOST_NUMBER: f32 = 6.0;
+pub(crate) const MOST_NUMBER: f32 = 6.0;
 
 /// The net's weights, trained by `benchmarks/nets/blend.py`.
 static WEIGHTS: &[u8] = include_bytes!("weights.bin");

@@ -12,14 +12,6 @@ struct SurfacePoint {
     position: vec3f,
 }
 
-fn has(there: WindowFrame, what: u32) -> bool {
-    return (there.has & what) != 0u;
-}
-
-fn has_motion(there: WindowFrame, forward: bool) -> bool {
-    return has(there, select(HAS_TO_PREVIOUS, HAS_TO_NEXT, forward));
-}
-
 // Distance of `s` from the tangent plane of `reference`.
 fn off_plane(s: SurfacePoint, reference: SurfacePoint) -> f32 {
     return abs(dot(s.position - reference.position, reference.normal));

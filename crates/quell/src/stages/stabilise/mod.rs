@@ -45,6 +45,8 @@ mod share;
 mod weights;
 
 use crate::frame::Rgb;
+#[cfg(feature = "gpu")]
+use crate::kernels::net::Net;
 use crate::par;
 use crate::plane::Plane;
 use crate::reach::Reach;
@@ -135,7 +137,7 @@ pub(crate) const BRIGHTNESS: usize = COMPARED;
 /// Parts of a signature that have a bandwidth each.
 pub(crate) const PARTS: usize = COMPARED / 3;
 /// What is darker counts as this.
-const DARK: f32 = 1e-6;
+pub(crate) const DARK: f32 = 1e-6;
 /// Half the side of the window whose mean is compared.
 pub(crate) const WIDE: usize = 2;
 /// Half the side of the window of taps in the frame itself, and in other frames.
@@ -144,13 +146,13 @@ pub(crate) const TAPS_IN_TIME: usize = 1;
 /// The part that holds the albedo.
 const ALBEDO: usize = 2;
 /// Relative variance of the noise below which the albedo's least bandwidth grows no further.
-const LEAST_NOISE_OF_ALBEDO: f32 = 1e-3;
+pub(crate) const LEAST_NOISE_OF_ALBEDO: f32 = 1e-3;
 /// Least weight of a pixel itself, where nothing else counts.
-const LEAST_OWN: f32 = 1e-3;
+pub(crate) const LEAST_OWN: f32 = 1e-3;
 /// Relative squared deviations below this are no noise.
-const LEAST_DEVIATION: f32 = 1e-7;
+pub(crate) const LEAST_DEVIATION: f32 = 1e-7;
 /// Largest logarithm of a bandwidth.
-const MOST: f32 = 20.0;
+pub(crate) const MOST: f32 = 20.0;
 
 /// Taps of a pixel, itself included.
 #[cfg(feature = "internals")]
@@ -289,6 +291,12 @@ fn limited_exp2<S: Simd>(simd: S, z: f32x16<S>) -> f32x16<S> {
 const READ: [usize; 11] = [0, 1, 2, 3, 4, 7, 11, 12, 14, 15, 16];
 /// What the net gives: a bandwidth for every part and the distance, twice, and one for frames between.
 const OUTPUTS: usize = 2 * (PARTS + 1) + 1;
+
+/// The nets of the bandwidths and of the input's share, for a back end that has them in another form.
+#[cfg(feature = "gpu")]
+pub(crate) fn nets() -> (&'static Net<{ READ.len() }, 8, 8, OUTPUTS>, &'static Net<{ READ.len() }, 8, 8, 1>) {
+    (&weights::NET, &share::NET)
+}
 
 /// What a tap brings.
 #[inline(always)]

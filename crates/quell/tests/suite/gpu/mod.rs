@@ -7,6 +7,7 @@ mod bisect;
 mod canaries;
 mod debug;
 mod device;
+mod finish;
 mod half;
 mod hosts;
 mod inputs;

@@ -150,7 +150,11 @@ fn every_plane_is_written_before_it_is_read_and_never_while() {
                         let stand_in = resource.absent.map(|index| &program.resources[index]).unwrap();
                         assert_eq!((stand_in.role, stand_in.holds), (Role::Absent, resource.holds), "{what}");
                     }
-                    BindingKind::Frames | BindingKind::Read(_) | BindingKind::Write(_) | BindingKind::Picture(_) => {
+                    BindingKind::Frames
+                    | BindingKind::Read(_)
+                    | BindingKind::Write(_)
+                    | BindingKind::Picture(_)
+                    | BindingKind::Layers(_) => {
                         panic!("{}: no program has one", binding.name)
                     }
                     BindingKind::Taps => assert_eq!(resource.role, Role::Taps),

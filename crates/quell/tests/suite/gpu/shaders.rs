@@ -45,7 +45,7 @@ fn passes_are_within_the_default_limits() {
         let count = |is: fn(&BindingKind) -> bool| pass.bindings.iter().filter(|b| is(&b.kind)).count() as u32;
         let sampled = count(|k| matches!(k, BindingKind::Sampled(_) | BindingKind::Host(_) | BindingKind::Frames));
         assert!(sampled <= limits.max_sampled_textures_per_shader_stage, "{}", pass.name);
-        let stored = count(|k| matches!(k, BindingKind::Stored(_) | BindingKind::Picture(_)));
+        let stored = count(|k| matches!(k, BindingKind::Stored(_) | BindingKind::Picture(_) | BindingKind::Layers(_)));
         assert!(stored <= limits.max_storage_textures_per_shader_stage, "{}", pass.name);
         let is_buffer = |k: &BindingKind| {
             matches!(k, BindingKind::Taps | BindingKind::Counts(_) | BindingKind::Read(_) | BindingKind::Write(_))

@@ -6,7 +6,7 @@ use super::wavelet::{difference, frame, random, without};
 use quell::gpu::wgpu::{Buffer, CommandEncoderDescriptor};
 use quell::gpu::{Pass, SequenceKernels, SequenceStage, SequenceWindow, Storage};
 use quell::sequence::{
-    AcceleratedWindow, Accelerator, EstimateJob, Filtered, Guide, OnCpu, PreparedFrame, SEQUENCE_PARAMETERS,
+    AcceleratedWindow, Accelerator, EstimateJob, Filtered, FinishJob, Guide, OnCpu, PreparedFrame, SEQUENCE_PARAMETERS,
     SequenceDenoiser, SequenceFrame, SequenceSettings, WaveletJob,
 };
 use quell::{Backend, Plane, Size};
@@ -40,14 +40,14 @@ const SIGNATURES: f64 = 1e-3;
 
 /// Differences of one stage: the largest, and the share beyond a bound.
 #[derive(Clone, Copy, Debug, Default)]
-struct Seen {
-    most: f64,
-    beyond: usize,
-    of: usize,
+pub struct Seen {
+    pub most: f64,
+    pub beyond: usize,
+    pub of: usize,
 }
 
 impl Seen {
-    fn compare(&mut self, cpu: &[f32], gpu: &[f32], bound: f64) {
+    pub fn compare(&mut self, cpu: &[f32], gpu: &[f32], bound: f64) {
         assert_eq!(cpu.len(), gpu.len());
         let mean = cpu.iter().map(|v| f64::from(v.abs())).sum::<f64>() / cpu.len().max(1) as f64;
         for (a, b) in cpu.iter().zip(gpu).filter(|(a, b)| a != b) {
@@ -59,7 +59,7 @@ impl Seen {
         self.of += cpu.len();
     }
 
-    fn agrees(&self) -> bool {
+    pub fn agrees(&self) -> bool {
         self.beyond as f64 <= DECIDED * self.of as f64
     }
 }
@@ -193,7 +193,7 @@ impl AcceleratedWindow for Window {
             return Ok(false);
         }
         let bytes = |numbers: &[f32]| numbers.iter().flat_map(|v| v.to_le_bytes()).collect::<Vec<u8>>();
-        let (planes, samples, _) = self.run(job, SequenceStage::Wavelet)?;
+        let (planes, samples, _) = self.run(job, SequenceStage::Residual)?;
         for (light, plane, numbers) in planes {
             job.store(light, plane, &bytes(&numbers))?;
         }
@@ -202,6 +202,22 @@ impl AcceleratedWindow for Window {
             job.store_samples(&bytes(&samples))?;
         }
         self.host.estimated.lock().unwrap().push(number);
+        Ok(true)
+    }
+
+    fn finish(&mut self, job: &mut FinishJob<'_>) -> Result<bool, String> {
+        let number = job.frame(job.centre()).number;
+        if !self.host.estimated.lock().unwrap().contains(&number) {
+            return Ok(false);
+        }
+        let gpu = self.host.gpu;
+        self.window.reserve_finish(&gpu.device, job).map_err(|e| e.to_string())?;
+        let mut encoder = gpu.device.create_command_encoder(&CommandEncoderDescriptor::default());
+        let made = self.window.encode_finish(&gpu.device, &mut encoder, job).map_err(|e| e.to_string())?;
+        gpu.queue.submit([encoder.finish()]);
+        let read = gpu.read_buffers(&[made.steady, made.shares, made.gain]);
+        let bytes = |numbers: &[f32]| numbers.iter().flat_map(|v| v.to_le_bytes()).collect::<Vec<u8>>();
+        job.store(&bytes(&read[0]), &bytes(&read[1]), &bytes(&read[2]))?;
         Ok(true)
     }
 }
@@ -244,7 +260,7 @@ pub fn scene(size: Size, t: i64) -> SequenceFrame {
     frame
 }
 
-fn settings(changes: &[(&str, &str)]) -> SequenceSettings {
+pub fn settings(changes: &[(&str, &str)]) -> SequenceSettings {
     let mut settings = SequenceSettings::default();
     for (name, value) in changes {
         settings.set(name, value).unwrap();
