@@ -6,7 +6,7 @@ use crate::readback::Readback;
 use crate::views::{ShowSequence, Views};
 use quell::Size;
 use quell::gpu::wgpu::{Buffer, BufferUsages, Device, ErrorFilter};
-use quell::gpu::{self, SequenceKernels, SequenceStage, SequenceWavelet, SequenceWindow, WaveletBuffers};
+use quell::gpu::{self, SequenceKernels, SequenceStage, SequenceWavelet, SequenceWindow, Timing, WaveletBuffers};
 use quell::sequence::{AcceleratedWindow, Accelerator, EstimateJob, FinishJob, Guide, WaveletJob, WaveletLight};
 use std::ops::Range;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -34,6 +34,8 @@ struct Notes {
     memory: Option<String>,
     /// Why frames were gathered on the CPU; each sentence once.
     refused: Vec<String>,
+    /// Of passes on the device, in the order in which they ran first: name, milliseconds, dispatches.
+    times: Vec<(&'static str, f64, usize)>,
 }
 
 impl SequenceAccelerator {
@@ -52,6 +54,13 @@ impl SequenceAccelerator {
     #[must_use]
     pub fn with_all_stages(self) -> Self {
         Self { all_stages: true, ..self }
+    }
+
+    /// Times every pass on the device, where that has timestamps: [`Accelerator::take_times`].
+    #[must_use]
+    pub fn with_timings(self) -> Self {
+        let kernels = Arc::new((*self.kernels).clone().with_timings(self.gpu.device()));
+        Self { kernels, ..self }
     }
 
     /// Shows what every stage of every frame makes on the device: to look at, not for every day, since each frame runs again
@@ -133,6 +142,10 @@ impl Accelerator for SequenceAccelerator {
         Some(Box::new(Window { gpu, kernels, window, refuses: false, refuses_finish, notes, views }))
     }
 
+    fn take_times(&self) -> Vec<(&'static str, f64, usize)> {
+        std::mem::take(&mut self.notes.lock().unwrap_or_else(PoisonError::into_inner).times)
+    }
+
     fn notes(&self, all: bool) -> Vec<String> {
         let notes = self.notes.lock().unwrap_or_else(PoisonError::into_inner);
         notes.memory.iter().filter(|_| all).chain(&notes.refused).cloned().collect()
@@ -193,6 +206,7 @@ impl Window {
         if let Some(samples) = estimated.samples {
             readback.buffer(gpu, &mut encoder, samples, NUMBER * pixels);
         }
+        self.kernels.resolve_timings(gpu.device(), &mut encoder);
         let places: Vec<_> = estimated.planes.iter().map(|(light, plane, _)| (*light, *plane)).collect();
         readback.lend(gpu, encoder, WINDOW, |contents| {
             let (planes, samples) = contents.split_at(places.len().min(contents.len()));
@@ -201,6 +215,7 @@ impl Window {
             }
             samples.iter().try_for_each(|s| job.store_samples(s).map_err(|reason| refused(gpu, WINDOW, reason)))
         })?;
+        self.note_times();
         Ok(true)
     }
 
@@ -232,11 +247,26 @@ impl Window {
         for buffer in [made.steady, made.shares, made.gain] {
             readback.buffer(gpu, &mut encoder, buffer, bytes);
         }
+        self.kernels.resolve_timings(gpu.device(), &mut encoder);
         readback.lend(gpu, encoder, FINISH, |contents| {
             let [steady, shares, gain] = [0, 1, 2].map(|k| contents.get(k).copied().unwrap_or_default());
             job.store(steady, shares, gain).map_err(|reason| refused(gpu, FINISH, reason))
         })?;
+        self.note_times();
         Ok(true)
+    }
+
+    /// Adds up what passes took that have run.
+    fn note_times(&self) {
+        while let Some(timings) = self.kernels.take_timings(self.gpu.queue()) {
+            let mut notes = self.notes.lock().unwrap_or_else(PoisonError::into_inner);
+            for Timing { pass, milliseconds, .. } in timings {
+                match notes.times.iter_mut().find(|(name, ..)| *name == pass) {
+                    Some((_, sum, count)) => (*sum, *count) = (*sum + milliseconds, *count + 1),
+                    None => notes.times.push((pass, milliseconds, 1)),
+                }
+            }
+        }
     }
 
     /// Why the device cannot hold what `reserve` asks it for.

@@ -112,6 +112,21 @@ impl Backend {
         }
     }
 
+    /// [`Backend::accelerator`] with all stages that have a shader on the device, whatever that is, and their passes timed.
+    ///
+    /// # Errors
+    /// What the device reports.
+    pub fn timed_accelerator(&self) -> Result<Option<Arc<dyn Accelerator>>, Error> {
+        match self {
+            Self::Cpu(_) => Ok(None),
+            #[cfg(feature = "gpu")]
+            Self::Gpu(gpu) => {
+                let accelerator = quell_host::SequenceAccelerator::new(gpu.clone())?;
+                Ok(Some(Arc::new(accelerator.with_all_stages().with_timings())))
+            }
+        }
+    }
+
     /// A denoiser for frames of `size`.
     ///
     /// # Errors

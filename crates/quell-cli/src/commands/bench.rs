@@ -3,6 +3,7 @@
 #[cfg(feature = "gpu")]
 mod budget;
 mod cycles;
+mod device;
 pub mod sequence;
 mod synthetic;
 

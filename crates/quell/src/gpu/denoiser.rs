@@ -19,7 +19,7 @@ use super::small::{Part, Small};
 use super::storage::Storage;
 use super::taps::pack_taps;
 use super::tile::Tile;
-use super::timing::{Timing, Timings};
+use super::timing::{self, Timing, Timings};
 use super::uniforms::{Cameras, FrameUniforms, SettingsUniforms};
 use crate::camera::Camera;
 use crate::history::{Ledger, PlanCache, Validity};
@@ -102,7 +102,7 @@ impl Denoiser {
             planes,
             program: (plan, Contents::USUAL, program),
             before: None,
-            timings: options.timings.then(|| Timings::new(device, &options.label)).flatten(),
+            timings: options.timings.then(|| Timings::new(device, &options.label, timing::MOST)).flatten(),
             turn: 0,
             tile: None,
             repairs: None,

@@ -3,8 +3,10 @@
 use super::error::Error;
 use super::pass::{Binding, BindingKind, Pass, Sample};
 use super::storage::Storage;
+use super::timing::Timings;
 use crate::plane::Size;
 use std::num::NonZeroU64;
+use std::sync::{Arc, Mutex, PoisonError};
 
 /// A compiled pass.
 #[derive(Clone, Debug)]
@@ -14,6 +16,8 @@ pub struct Kernel {
     label: String,
     layout: wgpu::BindGroupLayout,
     pipeline: wgpu::ComputePipeline,
+    /// Where dispatches that nobody else times are timed.
+    timings: Option<Arc<Mutex<Timings>>>,
 }
 
 /// What is bound to a pass.
@@ -123,7 +127,12 @@ impl Kernel {
             compilation_options: wgpu::PipelineCompilationOptions::default(),
             cache: None,
         });
-        Self { pass, storage, label: name, layout, pipeline }
+        Self { pass, storage, label: name, layout, pipeline, timings: None }
+    }
+
+    /// The same, timed from now on, where there are timings.
+    pub(super) fn timed(self, timings: Option<&Arc<Mutex<Timings>>>) -> Self {
+        Self { timings: timings.cloned(), ..self }
     }
 
     /// What it runs.
@@ -182,6 +191,9 @@ impl Kernel {
         timestamp_writes: Option<wgpu::ComputePassTimestampWrites<'_>>,
     ) {
         let label = Some(self.label.as_str());
+        let mut timings = self.timings.as_deref().map(|timings| timings.lock().unwrap_or_else(PoisonError::into_inner));
+        let own = timings.as_mut().filter(|_| timestamp_writes.is_none());
+        let timestamp_writes = timestamp_writes.or_else(|| own.and_then(|timings| timings.next(&self.pass)));
         let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor { label, timestamp_writes });
         pass.set_bind_group(0, group, &[]);
         pass.set_pipeline(&self.pipeline);

@@ -7,8 +7,9 @@ use std::collections::VecDeque;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// Dispatches of a frame that are timed at the most.
-const MOST: u32 = 32;
+/// Dispatches of a frame of the real-time filter that are timed at the most, and of a submission of the sequence filter.
+pub(super) const MOST: u32 = 32;
+pub(super) const MOST_OF_SEQUENCE: u32 = 512;
 /// Results that wait for the host at the most; beyond it the oldest is dropped.
 const WAITING: usize = 8;
 
@@ -37,6 +38,7 @@ struct Waiting {
 #[derive(Debug)]
 pub(super) struct Timings {
     label: String,
+    most: u32,
     queries: wgpu::QuerySet,
     resolved: wgpu::Buffer,
     timed: Vec<Timed>,
@@ -45,7 +47,7 @@ pub(super) struct Timings {
 
 impl Timings {
     /// `None`: the device has no timestamps.
-    pub(super) fn new(device: &wgpu::Device, label: &str) -> Option<Self> {
+    pub(super) fn new(device: &wgpu::Device, label: &str, most: u32) -> Option<Self> {
         if !device.features().contains(wgpu::Features::TIMESTAMP_QUERY) {
             return None;
         }
@@ -53,15 +55,15 @@ impl Timings {
         let queries = device.create_query_set(&wgpu::QuerySetDescriptor {
             label: Some(&label),
             ty: wgpu::QueryType::Timestamp,
-            count: 2 * MOST,
+            count: 2 * most,
         });
         let resolved = device.create_buffer(&wgpu::BufferDescriptor {
             label: Some(&label),
-            size: u64::from(2 * MOST * wgpu::QUERY_SIZE),
+            size: u64::from(2 * most * wgpu::QUERY_SIZE),
             usage: wgpu::BufferUsages::QUERY_RESOLVE | wgpu::BufferUsages::COPY_SRC,
             mapped_at_creation: false,
         });
-        Some(Self { label, queries, resolved, timed: Vec::new(), waiting: VecDeque::new() })
+        Some(Self { label, most, queries, resolved, timed: Vec::new(), waiting: VecDeque::new() })
     }
 
     /// A frame begins.
@@ -71,7 +73,7 @@ impl Timings {
 
     /// Where the next dispatch writes its begin and end.
     pub(super) fn next(&mut self, pass: &Pass) -> Option<wgpu::ComputePassTimestampWrites<'_>> {
-        let index = u32::try_from(self.timed.len()).ok().filter(|i| *i < MOST)?;
+        let index = u32::try_from(self.timed.len()).ok().filter(|i| *i < self.most)?;
         self.timed.push((pass.name, pass.stages));
         Some(wgpu::ComputePassTimestampWrites {
             query_set: &self.queries,

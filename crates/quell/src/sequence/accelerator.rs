@@ -32,6 +32,12 @@ pub trait Accelerator: std::fmt::Debug + Send + Sync {
         None
     }
 
+    /// What passes on the device took since the last call, where it was made to time them: name, milliseconds of the device, and how
+    /// often it ran.
+    fn take_times(&self) -> Vec<(&'static str, f64, usize)> {
+        Vec::new()
+    }
+
     /// What the user should know of how it went; `all`: also where everything went well, such as memory that it
     /// took.
     fn notes(&self, all: bool) -> Vec<String> {

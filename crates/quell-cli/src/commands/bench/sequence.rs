@@ -1,6 +1,6 @@
 //! `quell bench --sequence`: processor time of each stage of the sequence filter, on one thread and on all, with its floor.
 
-use super::{Bandwidth, cycles, peak_memory};
+use super::{Bandwidth, cycles, device, peak_memory};
 use crate::args::{BenchArgs, Rival};
 use crate::context::Context;
 use crate::failure::Failure;
@@ -45,6 +45,7 @@ fn sum(taken: &[Taken]) -> f64 {
 pub fn run(context: &Context, settings: &SequenceSettings, args: &BenchArgs) -> Result<(), Failure> {
     super::needs_a_scene_for_its_environment(args)?;
     let bandwidth = Bandwidth::of(&Backend::Cpu(quell::Backend::Cpu), args.bandwidth)?;
+    let backend = context.backend()?;
     let report = context.sequence_report(settings);
     let all = rayon::current_num_threads();
     let mut counts = vec![1, all];
@@ -102,6 +103,10 @@ pub fn run(context: &Context, settings: &SequenceSettings, args: &BenchArgs) -> 
         if let Some(own) = &beside {
             text.push_str(&format!("\n{}\n", rivals.table(own)));
         }
+        let on_device = device::measure(backend, size, settings, args)?;
+        if let Some(measured) = &on_device {
+            text.push_str(&format!("\n{measured}"));
+        }
         let peak = peak_memory();
         if let Some(peak) = peak {
             text.push_str(&format!(
@@ -117,6 +122,7 @@ pub fn run(context: &Context, settings: &SequenceSettings, args: &BenchArgs) -> 
             "size": size.to_string(),
             "peak_memory_bytes": peak,
             "against": beside.as_ref().map(|own| rivals.json(own)),
+            "device": on_device.as_ref().map(device::Measured::json),
             "threads": columns.iter().map(|column| json!({
                 "threads": column.threads,
                 "processor_ms": stages(&column.processor),
@@ -171,22 +177,22 @@ fn stages(size: Size, settings: &SequenceSettings, count: usize, clock: fn() -> 
 
 /// What one frame takes.
 #[derive(Clone, Copy, Default)]
-struct Cost {
+pub(super) struct Cost {
     /// Processor seconds of the process, and seconds by the clock.
-    processor: f64,
-    clock: f64,
+    pub(super) processor: f64,
+    pub(super) clock: f64,
 }
 
 impl Cost {
     /// Of `work`.
-    fn of<T>(work: impl FnOnce() -> T) -> (T, Self) {
+    pub(super) fn of<T>(work: impl FnOnce() -> T) -> (T, Self) {
         let (processor, clock) = (process_seconds().unwrap_or(0.0), wall());
         let done = work();
         (done, Self { processor: process_seconds().unwrap_or(0.0) - processor, clock: wall() - clock })
     }
 
     /// Medians, of either by itself.
-    fn median(costs: &[Self]) -> Self {
+    pub(super) fn median(costs: &[Self]) -> Self {
         let middle = |of: &dyn Fn(&Self) -> f64| {
             let mut sorted: Vec<f64> = costs.iter().map(of).collect();
             sorted.sort_by(f64::total_cmp);
@@ -257,18 +263,28 @@ impl Others {
 
 /// What quell takes of a frame whose window is whole, on all threads, with the others on the same frames in turn.
 fn compare(size: Size, settings: &SequenceSettings, count: usize, others: &mut Others) -> Result<Cost, Failure> {
-    let mut denoiser = SequenceDenoiser::new(settings.clone())?;
+    let denoiser = SequenceDenoiser::new(settings.clone())?;
+    steady(denoiser, settings, (size, count.max(LEAST_COMPARED)), |frame| others.filter(frame))
+}
+
+/// What `denoiser` takes of each of `count` frames whose window is whole, on all threads, in the median. `before`: called with every such frame.
+pub(super) fn steady(
+    mut denoiser: SequenceDenoiser,
+    settings: &SequenceSettings,
+    (size, count): (Size, usize),
+    mut before: impl FnMut(&SequenceFrame) -> Result<(), Failure>,
+) -> Result<Cost, Failure> {
     let reach = denoiser.reach();
     // The first frame that goes out makes the estimates around it; from then on each that comes in makes one, and one goes out.
     let (first, mut costs) = (2 * reach + 1, Vec::new());
-    for t in 0..first + count.max(LEAST_COMPARED) {
+    for t in 0..first + count {
         if interrupt::asked() {
             return Err(Failure::Interrupted(format!("after {t} frames")));
         }
         let frame = cycles::frame(t as i64, size);
         let whole = t >= first;
         if whole {
-            others.filter(&frame)?;
+            before(&frame)?;
         }
         let (done, cost) = Cost::of(|| {
             let frame = PreparedFrame::new(frame, settings)?;

@@ -6,7 +6,8 @@ use super::wavelet::SequenceWavelet;
 use crate::gpu::kernel::Kernel;
 use crate::gpu::pass::Pass;
 use crate::gpu::storage::Storage;
-use std::sync::OnceLock;
+use crate::gpu::timing::{MOST_OF_SEQUENCE, Timing, Timings};
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
 /// Every pass of the sequence filter, compiled for a device.
 #[derive(Clone, Debug)]
@@ -18,6 +19,8 @@ pub struct SequenceKernels {
     pub(super) residual: ResidualKernels,
     /// Of the stages after the filtered light: compiled where they are first asked for.
     finish: OnceLock<FinishKernels>,
+    /// Of dispatches since the last [`SequenceKernels::resolve_timings`].
+    timings: Option<Arc<Mutex<Timings>>>,
 }
 
 /// A pass that has no planes of the real-time filter: how these are stored does not matter to it.
@@ -38,6 +41,7 @@ impl SequenceKernels {
             wavelet: SequenceWavelet::new(device),
             residual: ResidualKernels::new(device),
             finish: OnceLock::new(),
+            timings: None,
         }
     }
 
@@ -64,7 +68,37 @@ impl SequenceKernels {
     }
 
     pub(super) fn finish(&self, device: &wgpu::Device) -> &FinishKernels {
-        self.finish.get_or_init(|| FinishKernels::new(device))
+        self.finish.get_or_init(|| FinishKernels::new(device).timed(self.timings.as_ref()))
+    }
+
+    /// Times every dispatch, where the device has the feature `TIMESTAMP_QUERY`.
+    #[must_use]
+    pub fn with_timings(self, device: &wgpu::Device) -> Self {
+        let timings = Timings::new(device, "quell sequence", MOST_OF_SEQUENCE).map(|t| Arc::new(Mutex::new(t)));
+        let of = timings.as_ref();
+        Self {
+            feature_noise: self.feature_noise.timed(of),
+            gather: self.gather.timed(of),
+            variance: self.variance.timed(of),
+            wavelet: self.wavelet.timed(of),
+            residual: self.residual.timed(of),
+            finish: OnceLock::new(),
+            timings,
+        }
+    }
+
+    /// Appends to the encoder, after the dispatches, what reads their timestamps; at most 512 are timed at once. Once the host has submitted
+    /// it and polled its device, [`SequenceKernels::take_timings`] has them.
+    pub fn resolve_timings(&self, device: &wgpu::Device, encoder: &mut wgpu::CommandEncoder) {
+        if let Some(timings) = &self.timings {
+            timings.lock().unwrap_or_else(PoisonError::into_inner).resolve(device, encoder);
+        }
+    }
+
+    /// Of the oldest encoder that has run. `None`: none is there, or dispatches are not timed.
+    pub fn take_timings(&self, queue: &wgpu::Queue) -> Option<Vec<Timing>> {
+        let period = f64::from(queue.get_timestamp_period());
+        self.timings.as_ref()?.lock().unwrap_or_else(PoisonError::into_inner).take(period)
     }
 
     /// Stage 3 alone.

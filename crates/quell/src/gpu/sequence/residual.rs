@@ -7,10 +7,12 @@ use crate::gpu::error::Error;
 use crate::gpu::kernel::{Bindable, Kernel};
 use crate::gpu::pass::{Binding, BindingKind, Element, Pass};
 use crate::gpu::small::filled;
+use crate::gpu::timing::Timings;
 use crate::gpu::uniform::{Uniform, Value, uniforms};
 use crate::plane::Size;
 use crate::stages::residual::{Trust, cells, squares, triangle};
 use glam::{IVec2, UVec2};
+use std::sync::{Arc, Mutex};
 
 const SETTINGS: Binding = settings("ResidualSettings");
 const RESIDUAL: &str = include_str!("../../stages/residual/shader.wgsl");
@@ -161,6 +163,15 @@ impl ResidualKernels {
             changes: kernel(device, Pass::RESIDUAL_CHANGES, None),
             apply: kernel(device, Pass::RESIDUAL_APPLY, None),
             apply_joint: kernel(device, Pass::RESIDUAL_APPLY_JOINT, None),
+        }
+    }
+
+    pub(super) fn timed(self, timings: Option<&Arc<Mutex<Timings>>>) -> Self {
+        Self {
+            cells: self.cells.timed(timings),
+            changes: self.changes.timed(timings),
+            apply: self.apply.timed(timings),
+            apply_joint: self.apply_joint.timed(timings),
         }
     }
 

@@ -10,10 +10,12 @@ use crate::gpu::error::Error;
 use crate::gpu::kernel::{Bindable, Kernel};
 use crate::gpu::pass::Pass;
 use crate::gpu::small::filled;
+use crate::gpu::timing::Timings;
 use crate::gpu::uniform::Value;
 use crate::plane::Size;
 use crate::sequence::{WaveletJob, WaveletLight};
 use std::ops::Range;
+use std::sync::{Arc, Mutex};
 
 /// Bytes of a pixel of a colour or a guide.
 const COLOUR: u64 = 16;
@@ -54,6 +56,10 @@ impl SequenceWavelet {
     pub fn new(device: &wgpu::Device) -> Self {
         let [compare, filter] = [Pass::WAVELET_COMPARE, Pass::WAVELET].map(|pass| kernel(device, pass, None));
         Self { compare, filter }
+    }
+
+    pub(super) fn timed(self, timings: Option<&Arc<Mutex<Timings>>>) -> Self {
+        Self { compare: self.compare.timed(timings), filter: self.filter.timed(timings) }
     }
 
     /// The same with [`Pass::WAVELET_COMPARE`] or [`Pass::WAVELET`] from changed WGSL, with the same bindings and entry point:

@@ -22,6 +22,7 @@ use crate::gpu::error::Error;
 use crate::gpu::kernel::{Bindable, Kernel};
 use crate::gpu::pass::Pass;
 use crate::gpu::small::filled;
+use crate::gpu::timing::Timings;
 use crate::gpu::uniform::{Uniform, Value};
 use crate::kernels::conv::GRID;
 use crate::plane::Size;
@@ -31,6 +32,7 @@ use crate::stages::{blend, stabilise};
 use glam::{UVec2, UVec4};
 use passes::{ACTIVATIONS, SIGNATURES};
 use std::collections::BTreeMap;
+use std::sync::{Arc, Mutex};
 use uniforms::FinishUniforms;
 
 pub(in crate::gpu) use weights::{LAST_LAYER, SHARE_NET};
@@ -74,6 +76,10 @@ impl FinishKernels {
         }
         let kernels = Pass::FINISH.iter().map(|pass| kernel(device, *pass, None)).collect();
         Self { kernels, stabilise: buffer(&both), blend: all.iter().map(|values| buffer(values)).collect() }
+    }
+
+    pub(super) fn timed(self, timings: Option<&Arc<Mutex<Timings>>>) -> Self {
+        Self { kernels: self.kernels.into_iter().map(|kernel| kernel.timed(timings)).collect(), ..self }
     }
 
     /// With one of them from changed WGSL.
