@@ -65,7 +65,8 @@ impl std::fmt::Debug for FinishJob<'_> {
 }
 
 impl<'a> FinishJob<'a> {
-    /// `None`: the plan has other stages than a device runs, which are those with nets.
+    /// `None`: the plan has other stages than a device runs, which are those with nets, or shaders cannot be trusted with a frame
+    /// ([`EstimateJob::unfit`](super::EstimateJob::unfit)).
     pub(super) fn new(
         frames: &'a [(&'a PreparedFrame, &'a Estimate)],
         centre: usize,
@@ -75,7 +76,8 @@ impl<'a> FinishJob<'a> {
         let both = plan.runs(SequenceStage::Stabilise) && plan.runs(SequenceStage::Blend);
         let corrects = plan.runs(SequenceStage::PictureResidual);
         let nets = settings.stabilise.net && settings.blend.net;
-        (both && nets && centre < frames.len()).then_some(Self { frames, centre, settings, corrects, made: None })
+        let fits = frames.iter().all(|(frame, _)| frame.unfit.is_none());
+        (both && nets && fits && centre < frames.len()).then_some(Self { frames, centre, settings, corrects, made: None })
     }
 
     fn here(&self) -> &'a PreparedFrame {

@@ -48,7 +48,7 @@ fn squared(v: vec3f) -> f32 {
     return dot(v, v);
 }
 
-// A value less its binomial mean over 3x3 of: input less wavelet; the input; the stabilised picture; the wavelet's.
+// Input less wavelet, and the input, each less its binomial mean over 3x3.
 struct HighPass {
     wavelet: vec3f,
     input: vec3f,
@@ -68,7 +68,7 @@ fn high_pass(pixel: vec2i) -> HighPass {
     return high;
 }
 
-// Squared, of the stabilised picture and of the wavelet's.
+// The same of the stabilised picture and of the wavelet's, squared.
 fn details(pixel: vec2i) -> vec2f {
     var steady = steady_at(pixel);
     var picture = picture_at(pixel);

@@ -35,7 +35,7 @@ fn signature_of(kept: array<vec4f, 4>) -> Signature {
     );
 }
 
-// Sums of two hidden layers of eight units, and of three times four outputs, from `first` on in the weights.
+// A net with two hidden layers of eight units and three times four outputs, whose weights begin at `first`.
 fn run_net(values_read: array<f32, 11>, first: u32) -> array<vec4f, 3> {
     var values = values_read;
     var at = first;
@@ -47,31 +47,27 @@ fn run_net(values_read: array<f32, 11>, first: u32) -> array<vec4f, 3> {
         b += net[at + 1u] * values[i];
         at += 2u;
     }
-    for (var layer = 0; layer < 2; layer++) {
-        var hidden = array<vec4f, 2>(max(a, vec4f(0.0)), max(b, vec4f(0.0)));
-        if layer == 1 {
-            var out = array<vec4f, 3>(net[at], net[at + 1u], net[at + 2u]);
-            at += 3u;
-            for (var i = 0u; i < 8u; i++) {
-                let v = hidden[i / 4u][i % 4u];
-                out[0] += net[at] * v;
-                out[1] += net[at + 1u] * v;
-                out[2] += net[at + 2u] * v;
-                at += 3u;
-            }
-            return out;
-        }
-        a = net[at];
-        b = net[at + 1u];
+    var hidden = array<vec4f, 2>(max(a, vec4f(0.0)), max(b, vec4f(0.0)));
+    a = net[at];
+    b = net[at + 1u];
+    at += 2u;
+    for (var i = 0u; i < 8u; i++) {
+        let v = hidden[i / 4u][i % 4u];
+        a += net[at] * v;
+        b += net[at + 1u] * v;
         at += 2u;
-        for (var i = 0u; i < 8u; i++) {
-            let v = hidden[i / 4u][i % 4u];
-            a += net[at] * v;
-            b += net[at + 1u] * v;
-            at += 2u;
-        }
     }
-    return array<vec4f, 3>();
+    hidden = array<vec4f, 2>(max(a, vec4f(0.0)), max(b, vec4f(0.0)));
+    var said = array<vec4f, 3>(net[at], net[at + 1u], net[at + 2u]);
+    at += 3u;
+    for (var i = 0u; i < 8u; i++) {
+        let v = hidden[i / 4u][i % 4u];
+        said[0] += net[at] * v;
+        said[1] += net[at + 1u] * v;
+        said[2] += net[at + 2u] * v;
+        at += 3u;
+    }
+    return said;
 }
 
 fn limited_exp2(v: f32) -> f32 {
