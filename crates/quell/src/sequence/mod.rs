@@ -7,7 +7,7 @@
 //! run.rs         the walk along that order on one back end
 //! denoiser.rs    frames in, filtered frames out
 //! accelerator.rs what a host may run on a device: the wavelet alone, or
-//! estimate.rs    gather, variance and wavelet, with the frames of the window kept there, and
+//! estimate.rs    gather to residual, with the frames of the window kept there, and
 //! finish.rs      stabilise to blend
 //! planes.rs      planes of frames as a device takes them
 //! ```

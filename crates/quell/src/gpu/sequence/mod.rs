@@ -1,4 +1,5 @@
-//! The sequence filter on the GPU: feature noise, gather, variance and wavelet, with the frames of a window kept on the device.
+//! The sequence filter on the GPU: all stages but the motion of reflections and the sums, with the frames of a window and their pictures
+//! kept on the device.
 //!
 //! ```text
 //! passes.rs     what each pass binds
