@@ -77,7 +77,13 @@ impl<'a> FinishJob<'a> {
         let corrects = plan.runs(SequenceStage::PictureResidual);
         let nets = settings.stabilise.net && settings.blend.net;
         let fits = frames.iter().all(|(frame, _)| frame.unfit.is_none());
-        (both && nets && fits && centre < frames.len()).then_some(Self { frames, centre, settings, corrects, made: None })
+        (both && nets && fits && centre < frames.len()).then_some(Self {
+            frames,
+            centre,
+            settings,
+            corrects,
+            made: None,
+        })
     }
 
     fn here(&self) -> &'a PreparedFrame {
