@@ -15,8 +15,8 @@ use std::sync::{Arc, Mutex, PoisonError};
 /// there: `gather` to `residual`, and `stabilise` to `blend`. Where pictures do not fit there, the latter run on the CPU; where
 /// frames do not, all but the wavelet.
 ///
-/// On a device in software, which has no other processor than the CPU, only `gather` to `residual` run: their shaders take ten
-/// times as long as the CPU's code, those of the others a hundred times ([`SequenceAccelerator::with_all_stages`]).
+/// On a device in software, which has no other processor than the CPU, only `gather` to `residual` run: shaders take many times as long
+/// there as the CPU's code ([`SequenceAccelerator::with_all_stages`]).
 #[derive(Debug)]
 pub struct SequenceAccelerator {
     gpu: Arc<Gpu>,
@@ -32,14 +32,14 @@ struct Notes {
     /// Bytes on the device at most, and how they come about.
     bytes: u64,
     memory: Option<String>,
-    /// Why frames were gathered on the CPU; each sentence once.
+    /// Why stages ran on the CPU; each sentence once.
     refused: Vec<String>,
     /// Of passes on the device, in the order in which they ran first: name, milliseconds, dispatches.
     times: Vec<(&'static str, f64, usize)>,
 }
 
 impl SequenceAccelerator {
-    /// Compiles what it runs.
+    /// Compiles what it runs; the stages after the filtered light, where they are first asked for.
     ///
     /// # Errors
     /// What the device reports.
@@ -56,14 +56,14 @@ impl SequenceAccelerator {
         Self { all_stages: true, ..self }
     }
 
-    /// Times every pass on the device, where that has timestamps: [`Accelerator::take_times`].
+    /// Times every pass on the device, where that has timestamps: [`Accelerator::take_times`]. For one filter at a time.
     #[must_use]
     pub fn with_timings(self) -> Self {
         let kernels = Arc::new((*self.kernels).clone().with_timings(self.gpu.device()));
         Self { kernels, ..self }
     }
 
-    /// Shows what every stage of every frame makes on the device: to look at, not for every day, since each frame runs again
+    /// Shows what every stage up to `residual` of every frame makes on the device: to look at, not for every day, since each frame runs again
     /// for its pictures. Results are the same.
     ///
     /// # Errors
@@ -175,11 +175,18 @@ impl Window {
             self.refused(format!("frames with {why} around them were gathered on the CPU"));
             return Ok(false);
         }
-        if let Some(why) = self.reserve(job.size(), |window, device| window.reserve(device, job))? {
-            // What was allocated goes back.
+        let mut why_not = self.reserve(job.size(), |window, device| window.reserve(device, job))?;
+        if let Some(why) = why_not.take_if(|_| self.window.holds_pictures()) {
+            // Pictures give way first.
+            self.refused(format!("{ON_CPU}: {why}"));
+            self.refuses_finish = true;
+            self.start_again();
+            why_not = self.reserve(job.size(), |window, device| window.reserve(device, job))?;
+        }
+        if let Some(why) = why_not {
             self.refused(format!("samples were gathered on the CPU: {why}"));
             self.refuses = true;
-            self.window = SequenceWindow::new(self.gpu.device(), Arc::clone(&self.kernels));
+            self.start_again();
             return Ok(false);
         }
         let gpu = &self.gpu;
@@ -225,9 +232,9 @@ impl Window {
             return Ok(false);
         }
         if let Some(why) = self.reserve(job.size(), |window, device| window.reserve_finish(device, job))? {
-            self.refused(format!("pictures were stabilised and blended on the CPU: {why}"));
+            self.refused(format!("{ON_CPU}: {why}"));
             self.refuses_finish = true;
-            self.window.release_finish();
+            self.start_again();
             return Ok(false);
         }
         let gpu = &self.gpu;
@@ -267,6 +274,11 @@ impl Window {
                 }
             }
         }
+    }
+
+    /// What was allocated goes back.
+    fn start_again(&mut self) {
+        self.window = SequenceWindow::new(self.gpu.device(), Arc::clone(&self.kernels));
     }
 
     /// Why the device cannot hold what `reserve` asks it for.
@@ -309,7 +321,7 @@ impl Window {
             (size.pixels() as u64, u64::from(self.window.layers()), self.window.frame_bytes());
         notes.bytes = bytes;
         notes.memory = Some(format!(
-            "memory on the device: {} MiB ({layers} frames of {} bytes a pixel, {} for the one at work)",
+            "memory on the device: {} MiB ({layers} frames of {} bytes a pixel, {} besides)",
             mebibytes(bytes),
             frame / pixels.max(1),
             (bytes - layers * frame) / pixels.max(1),
@@ -334,6 +346,7 @@ fn mebibytes(bytes: u64) -> u64 {
 const WINDOW: &str = "the frames of a window";
 
 const FINISH: &str = "the pictures of a window";
+const ON_CPU: &str = "pictures were stabilised and blended on the CPU";
 
 const WHAT: &str = "the wavelet of a frame";
 /// Bytes of a pixel of a colour, of one number, and of what the wavelet compares.

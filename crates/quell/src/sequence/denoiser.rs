@@ -48,7 +48,7 @@ enum Device {
     /// Not asked yet.
     #[default]
     Unknown,
-    /// They are not: `gather` and `variance` run here.
+    /// They are not: all stages but the wavelet run here.
     Absent,
     Window(Box<dyn AcceleratedWindow>),
 }
@@ -299,7 +299,9 @@ impl SequenceDenoiser {
     fn estimate(&mut self, i: usize) -> Result<Estimate, Error> {
         let Self { settings: s, plan, stages, entries, accelerator, device, times, .. } = self;
         let gather = s.gather.frames as usize;
-        let (from, to) = (i.saturating_sub(gather), (i + gather).min(entries.len() - 1));
+        // What came after it takes no part where `gather` looks back alone.
+        let to = if s.gather.future { (i + gather).min(entries.len() - 1) } else { i };
+        let from = i.saturating_sub(gather);
         let window: Vec<&PreparedFrame> = (from..=to).map(|k| &entries[k].frame).collect();
         let frame = window[i - from];
         if let Some(accelerator) = accelerator.as_deref() {
@@ -312,7 +314,16 @@ impl SequenceDenoiser {
                     let (slots, colours, samples) = job.estimated();
                     let picture = (stages.sum)(frame, &slots, &colours);
                     let input = (stages.input)(frame, &slots, &colours);
-                    return Ok(Estimate { slots, colours, picture, input, samples, likeness: None, signature: None });
+                    return Ok(Estimate {
+                        fits_device: run::fits_device([&picture, &input], frame.alpha.as_ref()),
+                        slots,
+                        colours,
+                        picture,
+                        input,
+                        samples,
+                        likeness: None,
+                        signature: None,
+                    });
                 }
             }
         }
@@ -321,7 +332,10 @@ impl SequenceDenoiser {
 
     fn result(&mut self, t: usize, from: usize, to: usize) -> Result<Option<Filtered>, Error> {
         let made = self.finish_on_device(from, to, t)?;
-        if made.is_none() {
+        let compares = made.is_none();
+        #[cfg(all(feature = "internals", feature = "cpu"))]
+        let compares = compares || self.blend_views.is_some();
+        if compares {
             self.compare_by(from, to);
         }
         let frames = around(&self.entries, from, to);

@@ -3,7 +3,7 @@
 
 use super::estimate::frames_held;
 use super::pipeline::{SequencePlan, SequenceStage};
-use super::planes::{self, FramePlane, held, numbers, texels};
+use super::planes::{self, FramePlane, numbers, texels};
 use super::run::{Estimate, stabilise_window, stages_of};
 use super::settings::{Blend as BlendSettings, Gather, Residual, SequenceSettings, Stabilise};
 use crate::denoiser::Backend;
@@ -65,8 +65,8 @@ impl std::fmt::Debug for FinishJob<'_> {
 }
 
 impl<'a> FinishJob<'a> {
-    /// `None`: the plan has other stages than a device runs, which are those with nets, or shaders cannot be trusted with a frame
-    /// ([`EstimateJob::unfit`](super::EstimateJob::unfit)).
+    /// `None`: the plan lacks one of these stages, or one of the two nets is off, and there is no shader for what runs then; or a frame
+    /// was not estimated on the device, or holds colours that shaders cannot be trusted with.
     pub(super) fn new(
         frames: &'a [(&'a PreparedFrame, &'a Estimate)],
         centre: usize,
@@ -76,7 +76,7 @@ impl<'a> FinishJob<'a> {
         let both = plan.runs(SequenceStage::Stabilise) && plan.runs(SequenceStage::Blend);
         let corrects = plan.runs(SequenceStage::PictureResidual);
         let nets = settings.stabilise.net && settings.blend.net;
-        let fits = frames.iter().all(|(frame, _)| frame.unfit.is_none());
+        let fits = frames.iter().all(|(_, estimate)| estimate.fits_device);
         (both && nets && fits && centre < frames.len()).then_some(Self {
             frames,
             centre,
@@ -175,11 +175,11 @@ impl<'a> FinishJob<'a> {
         let (member, estimate) = self.member(place);
         match plane {
             FramePlane::Picture => texels(self.size(), align, plane.bytes(), |i, texel| {
-                let [r, g, b] = estimate.picture.data()[i].map(held);
+                let [r, g, b] = estimate.picture.data()[i];
                 numbers(texel, [r, g, b, member.alpha.as_ref().map_or(1.0, |alpha| alpha.data()[i])]);
             }),
             FramePlane::Input => texels(self.size(), align, plane.bytes(), |i, texel| {
-                let [r, g, b] = estimate.input.data()[i].map(held);
+                let [r, g, b] = estimate.input.data()[i];
                 numbers(texel, [r, g, b, 0.0]);
             }),
             _ => planes::of_features(&member.features, plane, align),

@@ -58,7 +58,8 @@ pub(super) fn of_features(features: &Features, plane: FramePlane, align: usize) 
     match plane {
         FramePlane::Surface => texels(size, align, plane.bytes(), |i, texel| {
             let s = &features.surface[i];
-            let [x, y, z] = s.position.map(held);
+            // Squares of distances stay finite.
+            let [x, y, z] = s.position.map(|v| v.clamp(-MOST_COLOUR, MOST_COLOUR));
             numbers(texel, [s.inverse_depth, x, y, z]);
         }),
         FramePlane::Normal => texels(size, align, plane.bytes(), |i, texel| {
@@ -76,11 +77,6 @@ pub(super) fn of_features(features: &Features, plane: FramePlane, align: usize) 
             texels(size, align, plane.bytes(), |_, _| ())
         }
     }
-}
-
-/// Squares of distances and of colours stay finite.
-pub(super) fn held(v: f32) -> f32 {
-    v.clamp(-MOST_COLOUR, MOST_COLOUR)
 }
 
 fn motion(size: Size, align: usize, motion: Option<Motion<'_>>) -> Vec<u8> {

@@ -65,6 +65,8 @@ pub(crate) struct Estimate {
     pub input: Plane<Rgb>,
     /// The largest number of samples that a light's mean is worth.
     pub samples: Plane<f32>,
+    /// It was estimated on a device, and shaders can be trusted with its pictures.
+    pub fits_device: bool,
     /// What `stabilise` compares pixels by, where it does: made by hand, or for its net.
     pub likeness: Option<Likeness>,
     pub signature: Option<HalfRows>,
@@ -136,7 +138,15 @@ pub(crate) fn estimate(
         times.during(stage.name(), || work.run(stage, accelerator))?;
     }
     let Work { gathered: Gathered { slots, colours, .. }, picture, input, samples, .. } = work;
-    Ok(Estimate { slots, colours, picture, input, samples, likeness: None, signature: None })
+    Ok(Estimate { slots, colours, picture, input, samples, fits_device: false, likeness: None, signature: None })
+}
+
+/// True where shaders can be trusted with a frame's pictures and its coverage.
+pub(super) fn fits_device(pictures: [&Plane<Rgb>; 2], alpha: Option<&Plane<f32>>) -> bool {
+    // NaN is within nothing.
+    let fits = |v: &f32| v.abs() <= accelerator::MOST_COLOUR;
+    let beyond = |plane: &Plane<Rgb>| par::any(plane.data(), |colour| !colour.iter().all(fits));
+    !pictures.into_iter().any(beyond) && !alpha.is_some_and(|alpha| par::any(alpha.data(), |v| !fits(v)))
 }
 
 /// True for the stages of [`estimate`]. A stage is timed where it runs alone: its calls are counted.

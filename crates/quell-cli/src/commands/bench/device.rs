@@ -27,6 +27,8 @@ pub(super) struct Measured {
     /// Of a frame, what the CPU does besides included.
     cost: Cost,
     passes: Vec<Pass>,
+    /// Why stages ran on the CPU.
+    notes: Vec<String>,
     gigabytes_a_second: f64,
 }
 
@@ -61,6 +63,7 @@ pub(super) fn measure(
         is_software: backend.is_software(),
         cost,
         passes: accelerator.take_times().into_iter().map(pass).collect(),
+        notes: accelerator.notes(false),
         gigabytes_a_second: Bandwidth::of(backend, args.bandwidth)?.gigabytes_a_second,
     }))
 }
@@ -91,8 +94,9 @@ impl fmt::Display for Measured {
         let (clock, processor) = (self.cost.clock * 1e3, self.cost.processor * 1e3);
         writeln!(f, "on {}: {clock:.1} ms a frame by the clock, {processor:.1} processor ms\n", self.adapter)?;
         if self.passes.is_empty() {
-            return writeln!(f, "the device has no timestamps");
+            return writeln!(f, "no pass was timed: the device has no timestamps, or nothing ran there");
         }
+        self.notes.iter().try_for_each(|note| writeln!(f, "{note}\n"))?;
         if self.is_software {
             writeln!(
                 f,
@@ -121,44 +125,49 @@ impl fmt::Display for Measured {
     }
 }
 
+/// Matte lights of those frames.
+const MATTE: usize = 2;
+
 /// Bytes a pixel of a pass in one frame, each plane once for every dispatch that reads or writes it: of frames like those that are
 /// measured, whose lights have a plane each.
 fn bytes_per_pixel(pass: &str, s: &SequenceSettings) -> Option<usize> {
     const FOUR: usize = 16;
     let planes = cycles::LIT;
     let groups = planes.div_ceil(4);
-    let around = 2 * s.gather.frames as usize + 1;
-    let steady = 2 * s.stabilise.frames as usize + 1;
+    let window = |frames: usize| if s.gather.future { 2 * frames + 1 } else { frames + 1 };
+    let (around, steady) = (window(s.gather.frames as usize), window(s.stabilise.frames as usize));
+    // Frames along which noise is followed.
+    let followed = window(2.min(s.stabilise.frames as usize));
     let levels = s.wavelet.levels as usize;
     // Surface and normal; motion both ways, in mirrors too; what these show.
     let (surface, motion, seen) = (2 * FOUR, 32, 16);
     let guides = 4 * FOUR;
-    // Of a level of cells with such a side.
-    let cells = |side: usize| 4 * FOUR / (side * side);
-    let residual = |sides: &[usize], own: usize| sides.iter().map(|side| own + FOUR + cells(*side)).sum::<usize>();
-    let (of_lights, of_picture) = ([4, 2, 2], [4, 2]);
+    // Of all lights: those that mirrors show none of read half of the guides.
+    let guides_of_all = (planes - MATTE) * guides + MATTE * guides / 2;
+    // Numbers of cells of levels with such sides.
+    let cells =
+        |sides: &[usize], buffers: usize| sides.iter().map(|side| buffers * FOUR / (side * side)).sum::<usize>();
+    let (of_lights, of_picture) = ([4, 2, 2].as_slice(), [4, 2].as_slice());
     Some(match pass {
         "feature_noise" => surface + seen + guides,
-        "gather" => around * (groups * (surface + motion + seen) + 12 * planes) + groups * (5 * FOUR + 8),
-        "variance" => planes * (guides + 3 * FOUR),
-        "wavelet_compare" => levels * planes * (guides + 2 * FOUR),
-        "wavelet" => levels * planes * (guides + 3 * FOUR),
-        "residual_cells" => planes * residual(&of_lights, 8) + residual(&of_picture, FOUR),
-        "residual_changes" => {
-            planes * of_lights.map(cells).iter().sum::<usize>() + of_picture.map(cells).iter().sum::<usize>()
-        }
-        "residual_apply" => planes * 3 * (8 + 2 * FOUR) + 2 * 3 * FOUR,
-        "signature" => FOUR + seen + FOUR + 32,
-        "follow" => 5 * (surface + motion + 2 * FOUR) + 2 * FOUR,
+        "gather" => around * (groups * (surface + motion + seen) + 12 * planes) + planes * FOUR + groups * (FOUR + 8),
+        "variance" => guides_of_all + planes * 3 * FOUR,
+        "wavelet_compare" => levels * (guides_of_all + planes * 2 * FOUR),
+        "wavelet" => levels * (guides_of_all + planes * 3 * FOUR),
+        "residual_cells" => planes * (3 * (8 + FOUR) + cells(of_lights, 3)) + 2 * 2 * FOUR + cells(of_picture, 3),
+        "residual_changes" => planes * cells(of_lights, 4) + cells(of_picture, 4),
+        "residual_apply" => planes * (3 * (8 + 2 * FOUR) + cells(of_lights, 1)) + 2 * 3 * FOUR + cells(of_picture, 1),
+        "signature" => FOUR + seen + 32,
+        "follow" => followed * (surface + motion + 2 * FOUR) + 2 * FOUR,
         "brightness" => (FOUR + 4) + (2 * FOUR + 4),
-        "stabilise" => steady * (surface + motion + 2 * FOUR + 32) + 3 * FOUR + 4,
+        "stabilise" => steady * (FOUR + motion + 2 * FOUR + 32) + 4 * FOUR + 4,
         "blend_read" => surface + seen + 2 * FOUR + 3 * FOUR + 4 + FOUR + 4 * FOUR,
         "blend_net_full" => 8 * FOUR,
         "blend_net_half" => 4 * FOUR + 8 * FOUR / 4,
         "blend_net_quarter" => 8 * FOUR / 4 + 8 * FOUR / 16,
         "blend_net_deep" => 2 * 8 * FOUR / 16,
         "blend_net_up" => 2 * 8 * FOUR / 4 + 8 * FOUR / 16,
-        "blend_said" => 8 * FOUR + 8 * FOUR / 4,
+        "blend_outputs" => 8 * FOUR + 8 * FOUR / 4,
         "blend_mix" => 7 * FOUR,
         "blend_change" => 5 * FOUR,
         "blend_gain" => 4 * FOUR,

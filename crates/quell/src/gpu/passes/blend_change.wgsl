@@ -5,9 +5,9 @@ fn change_by_kernel(@builtin(global_invocation_id) id: vec3u) {
     if !contains(pixel) {
         return;
     }
-    let a = textureLoad(said, pixel, 1, 0);
-    let b = textureLoad(said, pixel, 2, 0);
-    let c = textureLoad(said, pixel, 3, 0);
+    let a = textureLoad(outputs, pixel, 1, 0);
+    let b = textureLoad(outputs, pixel, 2, 0);
+    let c = textureLoad(outputs, pixel, 3, 0);
     var kernel = array<f32, 9>(a.x, a.y, a.z, a.w, b.x, b.y, b.z, b.w, c.x);
     let own = mixture[index_of(pixel)];
     let bright = positive_sum(own.xyz);

@@ -11,8 +11,7 @@ fn gain(@builtin(global_invocation_id) id: vec3u) {
         for (var dx = -NOISE_NEAR; dx <= NOISE_NEAR; dx++) {
             let q = pixel + vec2i(dx, dy);
             if contains(q) {
-                let d = changed[index_of(q)].xyz / judged[index_of(q)].z;
-                sum += dot(d, d);
+                sum += squared_moved(changed[index_of(q)].xyz, judged[index_of(q)].z);
                 count += 1.0;
             }
         }
@@ -20,7 +19,7 @@ fn gain(@builtin(global_invocation_id) id: vec3u) {
     let i = index_of(pixel);
     let judgement = judged[i];
     let kept = kept_of(sum / count, judgement.x, judgement.y);
-    let change = changed[i] * kept;
+    let change = select(vec4f(0.0), changed[i] * kept, kept > 0.0);
     let before = mixture[i];
     gains[i] = vec4f(
         gain_of(before.x, change.x),

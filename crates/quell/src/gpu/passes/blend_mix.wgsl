@@ -5,9 +5,9 @@ fn moved(pixel: vec2i) -> f32 {
     let here = frame_at(settings.centre);
     let i = index_of(pixel);
     let input = input_of(here, pixel);
-    let wanted = textureLoad(said, pixel, 0, 0);
-    let d = (wanted.x * (input - picture_of(here, pixel).xyz) + wanted.y * (input - steady[i].xyz)) / judged[i].z;
-    return dot(d, d);
+    let wanted = textureLoad(outputs, pixel, 0, 0);
+    let d = wanted.x * (input - picture_of(here, pixel).xyz) + wanted.y * (input - steady[i].xyz);
+    return squared_moved(d, judged[i].z);
 }
 
 @compute @workgroup_size(8, 8)
@@ -29,7 +29,7 @@ fn mix_candidates(@builtin(global_invocation_id) id: vec3u) {
     }
     let i = index_of(pixel);
     let judgement = judged[i];
-    let wanted = textureLoad(said, pixel, 0, 0);
+    let wanted = textureLoad(outputs, pixel, 0, 0);
     let held = drawn_back(sum / count, judgement.y);
     // Of an outlier of the input the stabilised picture takes all.
     let kept = 1.0 - min(settings.strength, 1.0) * judgement.w;

@@ -1,26 +1,6 @@
 // What the net of `blend` reads of every pixel, and its first layer, which reads no other.
-fn input_at(q: vec2i) -> vec3f {
-    return input_of(frame_at(settings.centre), q);
-}
-
-fn picture_at(q: vec2i) -> vec3f {
-    return picture_of(frame_at(settings.centre), q).xyz;
-}
-
 fn steady_at(q: vec2i) -> vec3f {
     return steady[index_of(q)].xyz;
-}
-
-fn brightness_at(q: vec2i) -> f32 {
-    return brightness[index_of(q)];
-}
-
-fn followed_at(q: vec2i) -> vec4f {
-    return differences[index_of(q)];
-}
-
-fn known_at(q: vec2i) -> vec4f {
-    return known[index_of(q)];
 }
 
 fn inverse_depth_of(there: WindowFrame, pixel: vec2i) -> f32 {

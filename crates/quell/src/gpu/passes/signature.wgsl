@@ -1,4 +1,4 @@
-// By what stage `stabilise` compares pixels, of the frame in the middle of the window.
+// By what stage `stabilise` compares pixels, of the frame that is named as the window's centre.
 @compute @workgroup_size(8, 8)
 fn signatures(@builtin(global_invocation_id) id: vec3u) {
     let pixel = vec2i(id.xy);

@@ -1,27 +1,7 @@
 // Stage `stabilise` of the sequence filter, one pixel an invocation; its statistics are those of a workgroup.
-fn input_at(q: vec2i) -> vec3f {
-    return input_of(frame_at(settings.centre), q);
-}
-
-fn picture_at(q: vec2i) -> vec3f {
-    return picture_of(frame_at(settings.centre), q).xyz;
-}
-
-// There is none yet: what the net reads of it is not read.
+// There is none yet: the net reads no statistics of it.
 fn steady_at(q: vec2i) -> vec3f {
     return picture_at(q);
-}
-
-fn brightness_at(q: vec2i) -> f32 {
-    return brightness[index_of(q)];
-}
-
-fn followed_at(q: vec2i) -> vec4f {
-    return differences[index_of(q)];
-}
-
-fn known_at(q: vec2i) -> vec4f {
-    return known[index_of(q)];
 }
 
 fn signature_at(there: WindowFrame, q: vec2i) -> array<vec4f, 4> {

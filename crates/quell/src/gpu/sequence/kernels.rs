@@ -71,7 +71,7 @@ impl SequenceKernels {
         self.finish.get_or_init(|| FinishKernels::new(device).timed(self.timings.as_ref()))
     }
 
-    /// Times every dispatch, where the device has the feature `TIMESTAMP_QUERY`.
+    /// Times every dispatch, where the device has the feature `TIMESTAMP_QUERY`. All windows share the queries: for one at a time.
     #[must_use]
     pub fn with_timings(self, device: &wgpu::Device) -> Self {
         let timings = Timings::new(device, "quell sequence", MOST_OF_SEQUENCE).map(|t| Arc::new(Mutex::new(t)));

@@ -157,7 +157,8 @@ impl Work {
     }
 }
 
-/// The frames of a window on a device.
+/// The frames of a window on a device: of one run of frames that follow each other, and of one band of rows. What it encodes must be
+/// submitted, in that order: it remembers which frames lie where.
 #[derive(Debug)]
 pub struct SequenceWindow {
     pub(super) kernels: Arc<SequenceKernels>,
@@ -211,7 +212,7 @@ impl SequenceWindow {
     /// # Errors
     /// [`Error::Size`] for a limit of the device that the job is beyond: nothing was allocated.
     pub fn reserve(&mut self, device: &wgpu::Device, job: &EstimateJob<'_>) -> Result<(), Error> {
-        self.reserve_frames(device, job.size(), job.most_frames())?;
+        self.reserve_frames(device, job.size(), job.most_frames().max(job.len()))?;
         for plane in (0..job.len()).flat_map(|place| needed(job, place)) {
             self.array(device, plane);
         }
@@ -230,12 +231,9 @@ impl SequenceWindow {
         Ok(())
     }
 
-    /// Gives back what [`SequenceWindow::reserve_finish`] took for pictures.
-    pub fn release_finish(&mut self) {
-        self.pictures = None;
-        if let Some(work) = &mut self.work {
-            work.spare.clear();
-        }
+    /// True where pictures of the stages after the filtered light are kept.
+    pub fn holds_pictures(&self) -> bool {
+        self.pictures.is_some()
     }
 
     /// Forgets all that has another extent, or too few layers, after it has looked at the device's limits.

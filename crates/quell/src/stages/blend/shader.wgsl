@@ -5,6 +5,14 @@ fn visible_share(noise: f32, deviation: f32) -> f32 {
     return noise / (noise + 3.0 * deviation * deviation);
 }
 
+// Relative differences beyond it count as it: squares stay finite.
+const MOST_MOVED: f32 = 1e15;
+
+fn squared_moved(v: vec3f, bright: f32) -> f32 {
+    let d = clamp(v / bright, vec3f(-MOST_MOVED), vec3f(MOST_MOVED));
+    return dot(d, d);
+}
+
 fn drawn_back(difference: f32, noise: f32) -> f32 {
     let explained = noise * (settings.guard_low + (settings.guard - settings.guard_low) * visible_share(noise, settings.guard_noise));
     if difference < 2.0 * explained {
@@ -69,6 +77,10 @@ fn kept_of(difference: f32, noise: f32, least: f32) -> f32 {
 }
 
 fn gain_of(mixture: f32, change: f32) -> f32 {
+    // A quotient of equals need not be 1 on a GPU.
+    if change == 0.0 {
+        return 1.0;
+    }
     let after = mixture + change;
     if mixture > KERNEL_LEAST && after > 0.0 {
         return clamp(after / mixture, 1.0 / KERNEL_MOST, KERNEL_MOST);

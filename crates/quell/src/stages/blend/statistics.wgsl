@@ -40,8 +40,15 @@ var<workgroup> values: array<vec4f, WIDE_TILE * WIDE_TILE>;
 var<workgroup> near_rows: array<vec4f, WIDE_TILE * TILE>;
 var<workgroup> wide_rows: array<vec4f, WIDE_TILE * TILE>;
 
+// Relative differences beyond it count as it: squares stay finite.
+const MOST_RELATIVE: f32 = 1e15;
+
+fn relative_to(v: vec3f, bright: f32) -> vec3f {
+    return clamp(v / bright, vec3f(-MOST_RELATIVE), vec3f(MOST_RELATIVE));
+}
+
 fn wavelet_at(q: vec2i) -> vec3f {
-    return (input_at(q) - picture_at(q)) / brightness_at(q);
+    return relative_to(input_at(q) - picture_at(q), brightness_at(q));
 }
 
 fn squared(v: vec3f) -> f32 {
@@ -61,15 +68,15 @@ fn high_pass(pixel: vec2i) -> HighPass {
             let share = 0.0625 * f32((2 - abs(dx)) * (2 - abs(dy)));
             let q = clamped(pixel + vec2i(dx, dy));
             let input = input_at(q);
-            high.wavelet -= share * ((input - picture_at(q)) / brightness_at(q));
+            high.wavelet -= share * relative_to(input - picture_at(q), brightness_at(q));
             high.input -= share * input;
         }
     }
     return high;
 }
 
-// The same of the stabilised picture and of the wavelet's, squared.
-fn details(pixel: vec2i) -> vec2f {
+// The same of the stabilised picture and of the wavelet's, squared, relative to a brightness.
+fn details(pixel: vec2i, bright: f32) -> vec2f {
     var steady = steady_at(pixel);
     var picture = picture_at(pixel);
     for (var dy = -1; dy <= 1; dy++) {
@@ -80,7 +87,7 @@ fn details(pixel: vec2i) -> vec2f {
             picture -= share * picture_at(q);
         }
     }
-    return vec2f(squared(steady), squared(picture));
+    return vec2f(squared(relative_to(steady, bright)), squared(relative_to(picture, bright)));
 }
 
 // Squared second difference along a direction, relative to the middle's brightness, and of input less wavelet, each relative to its own.
@@ -89,7 +96,7 @@ fn second_difference(pixel: vec2i, step: vec2i, of_input: bool) -> f32 {
     let after = clamped(pixel + step);
     var d: vec3f;
     if of_input {
-        d = (input_at(before) - 2.0 * input_at(pixel) + input_at(after)) / brightness_at(pixel);
+        d = relative_to(input_at(before) - 2.0 * input_at(pixel) + input_at(after), brightness_at(pixel));
     } else {
         d = wavelet_at(before) - 2.0 * wavelet_at(pixel) + wavelet_at(after);
     }
@@ -107,12 +114,12 @@ fn second_differences(pixel: vec2i, of_input: bool) -> vec4f {
 
 fn values_of(kind: u32, q: vec2i) -> vec4f {
     let bright = brightness_at(q);
-    let over = 1.0 / (bright * bright);
     switch kind {
         case NOISE_VALUES: {
             let high = high_pass(q);
-            let change = followed_at(q).w * over;
-            return vec4f(change, known_at(q).x, squared(high.wavelet) / HIGH_PASS, squared(high.input / bright) / HIGH_PASS);
+            let root = min(sqrt(followed_at(q).w) / bright, MOST_RELATIVE);
+            let input = squared(relative_to(high.input, bright));
+            return vec4f(root * root, known_at(q).x, squared(high.wavelet) / HIGH_PASS, input / HIGH_PASS);
         }
         case INPUT_ALONG: { return second_differences(q, true); }
         case WAVELET_ALONG: { return second_differences(q, false); }
@@ -120,12 +127,17 @@ fn values_of(kind: u32, q: vec2i) -> vec4f {
             let input = input_at(q);
             let picture = picture_at(q);
             let steady = steady_at(q);
-            return vec4f(squared((input - picture) / bright), squared((input - steady) / bright), squared((picture - steady) / bright), 0.0);
+            return vec4f(
+                squared(relative_to(input - picture, bright)),
+                squared(relative_to(input - steady, bright)),
+                squared(relative_to(picture - steady, bright)),
+                0.0,
+            );
         }
-        case DETAIL_VALUES: { return vec4f(details(q) * over, 0.0, 0.0); }
+        case DETAIL_VALUES: { return vec4f(details(q, bright), 0.0, 0.0); }
         case WAVELET_MEAN: { return vec4f(wavelet_at(q), 0.0); }
-        case STEADY_MEAN: { return vec4f((input_at(q) - steady_at(q)) / bright, 0.0); }
-        default: { return vec4f(followed_at(q).xyz / bright, 0.0); }
+        case STEADY_MEAN: { return vec4f(relative_to(input_at(q) - steady_at(q), bright), 0.0); }
+        default: { return vec4f(relative_to(followed_at(q).xyz, bright), 0.0); }
     }
 }
 

@@ -428,6 +428,26 @@ fn cuts_begin_afresh_and_frames_that_are_left_out_do_no_harm() {
     assert_eq!(out, [all[0].clone(), all[11].clone()]);
 }
 
+/// Without the future, frames that only helped are estimated when later ones are there already: those must not take their layers.
+#[test]
+fn frames_that_look_back_alone_do_not_depend_on_which_are_wanted() {
+    let Some(gpu) = gpu() else { return };
+    let host = Host::new(gpu);
+    let settings = settings(&[("gather.future", "off"), ("gather.frames", "2"), ("stabilise.frames", "2")]);
+    let frames = || (0..8).map(|t| scene(Size::new(24, 15), t));
+    let all = run(&settings, frames(), Some(&host));
+    let mut denoiser = SequenceDenoiser::with_accelerator(settings.clone(), Arc::new(host)).unwrap();
+    let mut out = Vec::new();
+    for frame in frames() {
+        let is_wanted = frame.number >= 6;
+        out.extend(denoiser.push(frame, is_wanted).unwrap());
+    }
+    out.extend(denoiser.finish().unwrap());
+    assert_eq!(out, all[6..]);
+    let cpu = run(&settings, frames(), None);
+    assert!(difference(&cpu[6..], &out) <= SIGNATURES);
+}
+
 #[test]
 fn bands_of_rows_give_the_bits_of_the_whole() {
     let Some(gpu) = gpu() else { return };

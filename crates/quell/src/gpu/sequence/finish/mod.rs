@@ -29,7 +29,7 @@ use crate::plane::Size;
 use crate::sequence::{FinishJob, FramePlane};
 use crate::stages::residual::{PICTURE_LEVELS, Trust};
 use crate::stages::{blend, stabilise};
-use glam::{UVec2, UVec4};
+use glam::UVec4;
 use passes::{ACTIVATIONS, SIGNATURES};
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex};
@@ -103,7 +103,7 @@ pub(super) struct Pictures {
     arrays: BTreeMap<FramePlane, Array>,
     /// By what pixels are compared, in four parts.
     signatures: [Array; 4],
-    /// Activations of the net: at full size what the first layer and the last say, and the second; two at half the size; two at a
+    /// Activations of the net: at full size what the first layer and the last give, and the second; two at half the size; two at a
     /// quarter.
     hidden: [Array; 6],
     /// Row of the picture at which the images begin: their grid is the picture's.
@@ -148,9 +148,13 @@ impl SequenceWindow {
     /// [`Error::Size`] for a limit of the device that the job is beyond: nothing was allocated.
     pub fn reserve_finish(&mut self, device: &wgpu::Device, job: &FinishJob<'_>) -> Result<(), Error> {
         let size = job.size();
-        self.reserve_frames(device, size, job.most_frames())?;
+        let [padded, ..] = extents(size, job.rows().0);
+        if padded.width.max(padded.height) > device.limits().max_texture_dimension_2d as usize {
+            return Err(Error::Size { pass: PASS, size, limit: "max_texture_dimension_2d" });
+        }
+        self.reserve_frames(device, size, job.most_frames().max(job.len()))?;
         // No more than there are frames of feature buffers, whose number fits.
-        let layers = job.most_pictures() as u32;
+        let layers = job.most_pictures().max(job.len()) as u32;
         for plane in (0..job.len()).flat_map(|place| features(job, place)) {
             self.array(device, plane);
         }
@@ -173,7 +177,7 @@ impl SequenceWindow {
                 first_row,
             }
         });
-        for plane in (0..job.len()).flat_map(|place| shown(job, place)) {
+        for plane in (0..job.len()).flat_map(|place| picture_planes(job, place)) {
             let copied = wgpu::TextureUsages::COPY_DST;
             let new = || Array::new(device, super::window::format(plane), size, layers, copied);
             pictures.arrays.entry(plane).or_insert_with(new);
@@ -198,8 +202,8 @@ impl SequenceWindow {
         let pictures = self.pictures.as_mut().ok_or_else(missing)?;
         let mut any = false;
         let kept = features(job, place).into_iter().map(|plane| (plane, false));
-        for (plane, is_shown) in kept.chain(shown(job, place).into_iter().map(|plane| (plane, true))) {
-            let arrays = if is_shown { &mut pictures.arrays } else { &mut self.arrays };
+        for (plane, is_picture) in kept.chain(picture_planes(job, place).into_iter().map(|plane| (plane, true))) {
+            let arrays = if is_picture { &mut pictures.arrays } else { &mut self.arrays };
             let array = arrays.get_mut(&plane).ok_or_else(missing)?;
             any |= array.upload(device, encoder, number, plane, |align| job.plane(place, plane, align))?;
         }
@@ -221,18 +225,14 @@ impl SequenceWindow {
         }
         let missing = || Error::Missing { pass: PASS };
         self.shown = None;
-        let pictures = self.pictures.as_mut().ok_or_else(missing)?;
-        // Signatures of frames that are new.
-        let mut fresh = Vec::new();
-        for place in 0..job.len() {
+        // Signatures of frames that are new: place, layer and number.
+        let held = &self.pictures.as_ref().ok_or_else(missing)?.signatures[0].holds;
+        let place = |place: usize| {
             let number = job.frame(place).number;
-            let at = layer(number, pictures.layers) as usize;
-            let holds = pictures.signatures[0].holds.get_mut(at).ok_or_else(missing)?;
-            if *holds != Some(number) {
-                *holds = Some(number);
-                fresh.push(place);
-            }
-        }
+            (place, layer(number, held.len() as u32) as usize, number)
+        };
+        let is_new = |(_, at, number): &(usize, usize, i64)| held.get(*at) != Some(&Some(*number));
+        let fresh: Vec<_> = (0..job.len()).map(place).filter(is_new).collect();
         let (Some(work), Some(pictures)) = (&self.work, &self.pictures) else { return Err(missing()) };
         let pool: Vec<&wgpu::Buffer> = work.pool().take(BUFFERS).collect();
         let buffers = <[&wgpu::Buffer; BUFFERS]>::try_from(pool).map_err(|_| missing())?;
@@ -248,10 +248,11 @@ impl SequenceWindow {
             cells: &work.cells,
             buffers,
         };
-        for place in fresh {
-            stages.signature(encoder, place)?;
+        for (place, ..) in &fresh {
+            stages.signature(encoder, *place)?;
         }
-        stages.run(encoder)
+        let finished = stages.run(encoder)?;
+        Ok(finished)
     }
 }
 
@@ -347,24 +348,25 @@ impl<'w> Stages<'w, '_> {
         let stabilised = FinishUniforms { stabilised: 1, ..*s };
         let s = &stabilised;
         self.pass(encoder, (&Pass::BRIGHTNESS, size), s, &[window, picture, buffer(steady), brightness])?;
-        let [said, full, half, up, quarter, deep] = self.pictures.hidden.each_ref().map(|a| Bindable::Plane(&a.view));
+        let [outputs, full, half, up, quarter, deep] =
+            self.pictures.hidden.each_ref().map(|a| Bindable::Plane(&a.view));
         let [first, second, third, fourth, fifth, sixth, last] = self.weights()?;
         let guides = planes(&[Surface, Normal, SeenColour, SeenNormal, SurfaceColour, Picture, Input]);
-        let after = [buffer(steady), brightness, buffer(judged), said];
+        let after = [buffer(steady), brightness, buffer(judged), outputs];
         let bound = [&[window], guides.as_slice(), &[first], &statistics, &after].concat();
         self.pass(encoder, (&Pass::BLEND_READ, size), s, &bound)?;
 
         let above = self.pictures.first_row % GRID;
         let sizes = extents(size, self.pictures.first_row);
         let of = |image: Size, inside: Size, above: usize| FinishUniforms {
-            size: pixels(image),
-            inside: pixels(inside),
+            size: extent(image),
+            inside: extent(inside),
             above: above as i32,
             ..stabilised
         };
         let [whole, halved, quartered] = sizes;
         let s = of(whole, size, above);
-        self.pass(encoder, (&Pass::BLEND_NET_FULL, whole), &s, &[said, second, full])?;
+        self.pass(encoder, (&Pass::BLEND_NET_FULL, whole), &s, &[outputs, second, full])?;
         let s = of(halved, halved, 0);
         self.pass(encoder, (&Pass::BLEND_NET_HALF, halved), &s, &[full, third, half])?;
         let s = of(quartered, quartered, 0);
@@ -373,12 +375,12 @@ impl<'w> Stages<'w, '_> {
         let s = of(halved, halved, 0);
         self.pass(encoder, (&Pass::BLEND_NET_UP, halved), &s, &[half, deep, sixth, up])?;
         let s = of(whole, size, above);
-        self.pass(encoder, (&Pass::BLEND_SAID, size), &s, &[full, up, last, said])?;
+        self.pass(encoder, (&Pass::BLEND_OUTPUTS, size), &s, &[full, up, last, outputs])?;
 
         let s = &stabilised;
-        let bound = [window, picture, input, said, buffer(steady), buffer(judged), buffer(shares), buffer(mixture)];
+        let bound = [window, picture, input, outputs, buffer(steady), buffer(judged), buffer(shares), buffer(mixture)];
         self.pass(encoder, (&Pass::BLEND_MIX, size), s, &bound)?;
-        self.pass(encoder, (&Pass::BLEND_CHANGE, size), s, &[said, buffer(mixture), buffer(changed)])?;
+        self.pass(encoder, (&Pass::BLEND_CHANGE, size), s, &[outputs, buffer(mixture), buffer(changed)])?;
         let bound = [mixture, changed, judged, gain].map(buffer);
         self.pass(encoder, (&Pass::BLEND_GAIN, size), s, &bound)?;
         Ok(Finished { steady, shares, gain })
@@ -389,10 +391,6 @@ impl<'w> Stages<'w, '_> {
         let all: Vec<_> = self.kernels.blend.iter().map(Bindable::Buffer).collect();
         <[Bindable<'w>; 7]>::try_from(all).map_err(|_| Error::Missing { pass: PASS })
     }
-}
-
-fn pixels(size: Size) -> UVec2 {
-    UVec2::new(size.width as u32, size.height as u32)
 }
 
 /// The shader's `WindowFrame` of every frame.
@@ -438,7 +436,7 @@ fn features(job: &FinishJob<'_>, place: usize) -> Vec<FramePlane> {
 }
 
 /// Planes of a frame that no other stage reads.
-fn shown(job: &FinishJob<'_>, place: usize) -> Vec<FramePlane> {
+fn picture_planes(job: &FinishJob<'_>, place: usize) -> Vec<FramePlane> {
     let colour = job.frame(place).has_surface_colour.then_some(FramePlane::SurfaceColour);
     [FramePlane::Picture, FramePlane::Input].into_iter().chain(colour).collect()
 }

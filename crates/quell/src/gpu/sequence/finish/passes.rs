@@ -20,6 +20,7 @@ const BRIGHTNESS: Binding = Binding { name: "brightness", kind: BindingKind::Rea
 
 const PICTURES: &str = include_str!("../pictures.wgsl");
 const INPUTS: &str = include_str!("../inputs.wgsl");
+const STATISTICS_AT: &str = include_str!("../statistics_at.wgsl");
 const FAST_LOG: &str = include_str!("../../../kernels/fast_log.wgsl");
 const STATISTICS: &str = include_str!("../../../stages/blend/statistics.wgsl");
 const SIGNATURE: &str = include_str!("../../../stages/stabilise/signature.wgsl");
@@ -129,6 +130,7 @@ impl Pass {
             PICTURES,
             INPUTS,
             FAST_LOG,
+            STATISTICS_AT,
             STATISTICS,
             include_str!("../../../stages/stabilise/shader.wgsl"),
             include_str!("../../passes/stabilise.wgsl"),
@@ -157,7 +159,17 @@ impl Pass {
             written("judged"),
             layers("written", ACTIVATIONS),
         ],
-        &[IMAGE, PICTURES, INPUTS, FAST_LOG, STATISTICS, HAS, GUIDES, include_str!("../../passes/blend_read.wgsl")],
+        &[
+            IMAGE,
+            PICTURES,
+            INPUTS,
+            FAST_LOG,
+            STATISTICS_AT,
+            STATISTICS,
+            HAS,
+            GUIDES,
+            include_str!("../../passes/blend_read.wgsl"),
+        ],
     );
 
     /// Stage `blend`: the net's second layer.
@@ -200,10 +212,10 @@ impl Pass {
         &[IMAGE, "const READS = 16u;\nconst WRITES = 8u;\nconst WHOLE = 8u;\n", CONV, CONV_BESIDE, CONVOLVE],
     );
 
-    /// The last two, and what they say.
-    pub const BLEND_SAID: Self = pass(
-        "blend_said",
-        "judge",
+    /// The last two: shares that the net wants, the expected error, the kernel.
+    pub const BLEND_OUTPUTS: Self = pass(
+        "blend_outputs",
+        "net_outputs",
         &[SETTINGS, frames("layer_read"), frames("layer_half"), many("weights"), layers("written", ACTIVATIONS)],
         &[
             "const READS = 12u;\nconst WRITES = 4u;\nconst WHOLE = 4u;\n",
@@ -211,7 +223,7 @@ impl Pass {
             BLEND,
             CONV,
             CONV_BESIDE,
-            include_str!("../../passes/blend_said.wgsl"),
+            include_str!("../../passes/blend_outputs.wgsl"),
         ],
     );
 
@@ -224,7 +236,7 @@ impl Pass {
             WINDOW,
             frames("pictures"),
             frames("inputs"),
-            frames("said"),
+            frames("outputs"),
             read("steady"),
             read("judged"),
             written("shares"),
@@ -237,7 +249,7 @@ impl Pass {
     pub const BLEND_CHANGE: Self = pass(
         "blend_change",
         "change_by_kernel",
-        &[SETTINGS, frames("said"), read("mixture"), written("changed")],
+        &[SETTINGS, frames("outputs"), read("mixture"), written("changed")],
         &[IMAGE, FAST_LOG, BLEND, include_str!("../../passes/blend_change.wgsl")],
     );
 
@@ -261,7 +273,7 @@ impl Pass {
         Self::BLEND_NET_QUARTER,
         Self::BLEND_NET_DEEP,
         Self::BLEND_NET_UP,
-        Self::BLEND_SAID,
+        Self::BLEND_OUTPUTS,
         Self::BLEND_MIX,
         Self::BLEND_CHANGE,
         Self::BLEND_GAIN,

@@ -1,5 +1,6 @@
 //! What these passes read besides planes.
 
+use crate::gpu::sequence::uniforms::extent;
 use crate::gpu::uniform::{Uniform, uniforms};
 use crate::sequence::FinishJob;
 use crate::stages::blend::log2;
@@ -8,10 +9,11 @@ use glam::UVec2;
 uniforms! {
     /// Of stages `stabilise` and `blend`, and of the layers of its net.
     pub(super) FinishUniforms as "FinishSettings" {
-        /// Of the image that is written; of a layer, of that whose border counts beyond it.
+        /// Image of the dispatch; of the layers of the net at full size the padded one.
         pub(super) size: UVec2,
-        /// Of what a layer reads, and of what is written after the last one; rows of the layer's image above it.
+        /// The picture, of the layers at full size; of the others their image.
         pub(super) inside: UVec2,
+        /// Rows of padding above the picture.
         pub(super) above: i32,
         /// Row of the picture at which this begins, and rows of the picture.
         pub(super) first_row: i32,
@@ -60,7 +62,7 @@ impl FinishUniforms {
     pub(super) fn new(job: &FinishJob<'_>) -> Self {
         let (s, blend, (first_row, picture_height)) = (job.stabilise(), job.blend(), job.rows());
         let gather = job.gather();
-        let size = UVec2::new(job.size().width as u32, job.size().height as u32);
+        let size = extent(job.size());
         Self {
             size,
             inside: size,

@@ -32,7 +32,8 @@ pub(super) fn layer(layer: &Layer, out: &mut Vec<f32>) {
     for group in 0..layer.inputs.div_ceil(4) {
         for (tap, c) in (0..taps).flat_map(|tap| (0..4).map(move |c| (tap, 4 * group + c))) {
             let of = |o: usize| layer.weights.get((o * layer.inputs + c) * taps + tap).copied().unwrap_or(0.0);
-            runs((0..layer.outputs).map(of), count, out);
+            let outputs = if c < layer.inputs { layer.outputs } else { 0 };
+            runs((0..outputs).map(of), count, out);
         }
     }
 }
