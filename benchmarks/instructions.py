@@ -50,7 +50,7 @@ RUNS = {
             "temporal": "quell::cpu::passes::temporal::run",
             "firefly": "quell::cpu::passes::firefly::run::{{closure}}",
             "sparse_bilateral": "quell::cpu::passes::sparse_bilateral::run::{{closure}}",
-            "glossy_bilateral": "quell::cpu::passes::glossy_bilateral::run",
+            "glossy_bilateral": "quell::cpu::passes::glossy_bilateral::run::{{closure}}",
         },
     ),
 }
