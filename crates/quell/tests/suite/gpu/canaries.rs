@@ -4,7 +4,7 @@
 use super::agreement::{self, CASES, SIZE, scenes, settings_with};
 use super::device::{Output, colour_bytes, gpu};
 use super::inputs::Inputs;
-use super::{half, prepare, sequence_views, wavelet, window};
+use super::{finish, half, prepare, sequence_views, wavelet, window};
 use quell::Plane;
 use quell::border::{PlaneName, Repair};
 use quell::gpu::{Bindable, Kernel, Pass, PerFrameUniforms, Repairs, Storage, wgpu};
@@ -52,7 +52,8 @@ fn is_planted(text: &str, changes: &[&str]) -> bool {
 fn every_file_of_shaders_has_a_planted_change() {
     let packed = prepare::PACKED.iter();
     let passes = agreement::PLANTED.iter().chain(half::PLANTED).map(|(_, from, _)| *from);
-    let passes = passes.chain(window::PLANTED.iter().map(|(_, from, _)| *from));
+    let sequence = window::PLANTED.iter().chain(finish::PLANTED).chain([&finish::PLANTED_IN_JOINT]);
+    let passes = passes.chain(sequence.map(|(_, from, _)| *from));
     let others = wavelet::PLANTED
         .iter()
         .chain(prepare::PLANTED)

@@ -230,7 +230,24 @@ pub const PLANTED: &[(Pass, &str, &str)] = &[
     (Pass::BLEND_CHANGE, "k % 3 - 1", "1 - k % 3"),
     (Pass::BLEND_CHANGE, "if bright > most {", "if false {"),
     (Pass::BLEND_GAIN, "let strong = noise /", "let strong = 0.9 * noise /"),
+    // Of what they share, and of the passes themselves.
+    (Pass::STABILISE, "let t = held - whole;", "let t = 0.0;"),
+    (Pass::STABILISE, "return brightness[index_of(q)]", "return brightness[0]"),
+    (Pass::STABILISE, "p.seen = vec2f(noise[0].y, noise[1].y);", "p.seen = vec2f(0.0);"),
+    (Pass::FOLLOW, "textureLoad(inputs, pixel, there.picture, 0).xyz", "textureLoad(inputs, pixel, 0, 0).xyz"),
+    (Pass::FOLLOW, "v - whole >= vec2f(0.5)", "v - whole >= vec2f(0.1)"),
+    (Pass::FOLLOW, "vec4f(found.mean, found.change)", "vec4f(found.mean, 0.0)"),
+    (Pass::SIGNATURE, "(there.has & what) != 0u", "false"),
+    (Pass::SIGNATURE, "here.picture, found[1]", "here.picture, found[0]"),
+    (Pass::BRIGHTNESS, "colour.x + colour.y + colour.z", "colour.x + colour.y"),
+    (Pass::RESIDUAL_CELLS, "if settings.black != 0u", "if settings.black == 0u"),
+    (Pass::RESIDUAL_APPLY, "corrected(pixel, before.xyz, before.xyz)", "before.xyz"),
+    (Pass::BLEND_NET_FULL, "pixel, o, values[o]", "pixel, o, values[0]"),
 ];
+
+/// Of joint planes, which only light has.
+pub const PLANTED_IN_JOINT: (Pass, &str, &str) =
+    (Pass::RESIDUAL_APPLY_JOINT, "corrected(pixel, filtered[p].xyz, before.xyz)", "0.9 * before.xyz");
 
 #[test]
 fn planted_differences_after_the_filtered_light_are_found() {

@@ -2,6 +2,7 @@
 //! CPU: stage by stage on the same frames, over whole sequences, and in bands of rows.
 
 use super::device::{Gpu, gpu};
+use super::finish::PLANTED_IN_JOINT;
 use super::wavelet::{difference, frame, random, without};
 use quell::gpu::wgpu::{Buffer, CommandEncoderDescriptor};
 use quell::gpu::{Pass, SequenceKernels, SequenceStage, SequenceWindow, Storage};
@@ -426,6 +427,22 @@ fn cuts_begin_afresh_and_frames_that_are_left_out_do_no_harm() {
     out.extend(denoiser.finish().unwrap());
     let all = run(&settings, (0..14).map(|t| scene(size, t)), Some(&host));
     assert_eq!(out, [all[0].clone(), all[11].clone()]);
+}
+
+/// Planes that are scaled with a light are corrected with it.
+#[test]
+fn a_planted_difference_in_joint_planes_is_found() {
+    let Some(gpu) = gpu() else { return };
+    let frames = || (0..3).map(|t| scene(Size::new(24, 15), t));
+    let settings = of_device();
+    let cpu = run(&settings, frames(), None);
+    let whole = Host::new(gpu);
+    assert!(difference(&cpu, &run(&settings, frames(), Some(&whole))) <= SEQUENCE);
+    let (pass, from, to) = PLANTED_IN_JOINT;
+    let source = pass.source(Storage::Float, false);
+    assert!(source.contains(from), "{} has no `{from}` any more", pass.name);
+    let planted = Host::with(gpu, whole.kernels.with_source(&gpu.device, pass, &source.replace(from, to)));
+    assert!(difference(&cpu, &run(&settings, frames(), Some(&planted))) > SEQUENCE);
 }
 
 /// Without the future, frames that only helped are estimated when later ones are there already: those must not take their layers.
