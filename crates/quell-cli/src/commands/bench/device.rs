@@ -93,10 +93,10 @@ impl fmt::Display for Measured {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let (clock, processor) = (self.cost.clock * 1e3, self.cost.processor * 1e3);
         writeln!(f, "on {}: {clock:.1} ms a frame by the clock, {processor:.1} processor ms\n", self.adapter)?;
+        self.notes.iter().try_for_each(|note| writeln!(f, "{note}\n"))?;
         if self.passes.is_empty() {
             return writeln!(f, "no pass was timed: the device has no timestamps, or nothing ran there");
         }
-        self.notes.iter().try_for_each(|note| writeln!(f, "{note}\n"))?;
         if self.is_software {
             writeln!(
                 f,

@@ -11,7 +11,7 @@ fn gain(@builtin(global_invocation_id) id: vec3u) {
         for (var dx = -NOISE_NEAR; dx <= NOISE_NEAR; dx++) {
             let q = pixel + vec2i(dx, dy);
             if contains(q) {
-                sum += squared_moved(changed[index_of(q)].xyz, judged[index_of(q)].z);
+                sum += squared(relative_to(changed[index_of(q)].xyz, judged[index_of(q)].z));
                 count += 1.0;
             }
         }

@@ -7,7 +7,7 @@ fn moved(pixel: vec2i) -> f32 {
     let input = input_of(here, pixel);
     let wanted = textureLoad(outputs, pixel, 0, 0);
     let d = wanted.x * (input - picture_of(here, pixel).xyz) + wanted.y * (input - steady[i].xyz);
-    return squared_moved(d, judged[i].z);
+    return squared(relative_to(d, judged[i].z));
 }
 
 @compute @workgroup_size(8, 8)

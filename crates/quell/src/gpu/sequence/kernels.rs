@@ -45,8 +45,8 @@ impl SequenceKernels {
         }
     }
 
-    /// The same with one of [`Pass::SEQUENCE`], [`Pass::RESIDUAL`] or [`Pass::FINISH`] from changed WGSL, with the same bindings and entry point: for tests that
-    /// plant a difference. Another pass changes nothing.
+    /// The same with one of [`Pass::SEQUENCE`], [`Pass::RESIDUAL`] or [`Pass::FINISH`] from changed WGSL, with the same bindings and
+    /// entry point: for tests that plant a difference. Another pass changes nothing.
     #[must_use]
     pub fn with_source(&self, device: &wgpu::Device, pass: Pass, source: &str) -> Self {
         let mut changed = self.clone();

@@ -32,7 +32,7 @@ pub(super) struct Array {
     texture: wgpu::Texture,
     pub(super) view: wgpu::TextureView,
     /// Which frame each layer holds.
-    pub(super) holds: Vec<Option<i64>>,
+    holds: Vec<Option<i64>>,
 }
 
 impl Array {
@@ -72,6 +72,23 @@ impl Array {
         self.bytes_of_layer() * self.holds.len() as u64
     }
 
+    fn layer(&self, number: i64) -> u32 {
+        layer(number, self.holds.len() as u32)
+    }
+
+    /// True where the layer of frame `number` holds that frame.
+    pub(super) fn holds(&self, number: i64) -> bool {
+        self.holds.get(self.layer(number) as usize) == Some(&Some(number))
+    }
+
+    /// From now on it does.
+    pub(super) fn hold(&mut self, number: i64) {
+        let layer = self.layer(number) as usize;
+        if let Some(held) = self.holds.get_mut(layer) {
+            *held = Some(number);
+        }
+    }
+
     /// Copies a plane of frame `number` to its layer, unless it is there; whether it was not. `bytes`: the plane, with rows
     /// filled up to a multiple of its argument.
     pub(super) fn upload(
@@ -82,12 +99,11 @@ impl Array {
         plane: FramePlane,
         bytes: impl FnOnce(usize) -> Vec<u8>,
     ) -> Result<bool, Error> {
-        let layer = layer(number, self.holds.len() as u32);
-        let holds = self.holds.get_mut(layer as usize).ok_or(Error::Missing { pass: PASS })?;
-        if *holds == Some(number) {
+        if self.holds(number) {
             return Ok(false);
         }
-        *holds = Some(number);
+        self.hold(number);
+        let layer = self.layer(number);
         let texture = &self.texture;
         let align = wgpu::COPY_BYTES_PER_ROW_ALIGNMENT;
         let row = (texture.width() * plane.bytes() as u32).next_multiple_of(align);

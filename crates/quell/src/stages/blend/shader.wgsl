@@ -1,18 +1,11 @@
 // Twin of reference.rs and kernel.rs: shares of the candidates and the kernel's weights of what the net says, and the guards.
 
-// What draws a mixture back to the input that lies further from it than the noise explains.
+// The share of squared noise in itself and the square of a deviation, both summed over the channels.
 fn visible_share(noise: f32, deviation: f32) -> f32 {
     return noise / (noise + 3.0 * deviation * deviation);
 }
 
-// Relative differences beyond it count as it: squares stay finite.
-const MOST_MOVED: f32 = 1e15;
-
-fn squared_moved(v: vec3f, bright: f32) -> f32 {
-    let d = clamp(v / bright, vec3f(-MOST_MOVED), vec3f(MOST_MOVED));
-    return dot(d, d);
-}
-
+// What draws a mixture back to the input that lies further from it than the noise explains.
 fn drawn_back(difference: f32, noise: f32) -> f32 {
     let explained = noise * (settings.guard_low + (settings.guard - settings.guard_low) * visible_share(noise, settings.guard_noise));
     if difference < 2.0 * explained {

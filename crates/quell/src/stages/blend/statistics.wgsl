@@ -40,19 +40,8 @@ var<workgroup> values: array<vec4f, WIDE_TILE * WIDE_TILE>;
 var<workgroup> near_rows: array<vec4f, WIDE_TILE * TILE>;
 var<workgroup> wide_rows: array<vec4f, WIDE_TILE * TILE>;
 
-// Relative differences beyond it count as it: squares stay finite.
-const MOST_RELATIVE: f32 = 1e15;
-
-fn relative_to(v: vec3f, bright: f32) -> vec3f {
-    return clamp(v / bright, vec3f(-MOST_RELATIVE), vec3f(MOST_RELATIVE));
-}
-
 fn wavelet_at(q: vec2i) -> vec3f {
     return relative_to(input_at(q) - picture_at(q), brightness_at(q));
-}
-
-fn squared(v: vec3f) -> f32 {
-    return dot(v, v);
 }
 
 // Input less wavelet, and the input, each less its binomial mean over 3x3.

@@ -1,7 +1,7 @@
 //! Stages `stabilise` to `blend` of the sequence filter on the GPU, against the reference and the CPU: frame by frame on the same
 //! pictures, over whole sequences, and in bands of rows.
 
-use super::device::{Gpu, gpu};
+use super::device::{Gpu, gpu, gpu_with_timestamps};
 use super::wavelet::{random, without};
 use super::window::{Seen, scene, settings};
 use quell::gpu::wgpu::CommandEncoderDescriptor;
@@ -82,6 +82,7 @@ impl AcceleratedWindow for Window {
         self.window.reserve_finish(&gpu.device, job).map_err(|e| e.to_string())?;
         let mut encoder = gpu.device.create_command_encoder(&CommandEncoderDescriptor::default());
         let made = self.window.encode_finish(&gpu.device, &mut encoder, job).map_err(|e| e.to_string())?;
+        self.host.kernels.resolve_timings(&gpu.device, &mut encoder);
         gpu.queue.submit([encoder.finish()]);
         let pixels = 4 * job.size().pixels();
         let read = gpu.read_buffers(&[made.steady, made.shares, made.gain]);
@@ -243,11 +244,29 @@ pub const PLANTED: &[(Pass, &str, &str)] = &[
     (Pass::RESIDUAL_CELLS, "if settings.black != 0u", "if settings.black == 0u"),
     (Pass::RESIDUAL_APPLY, "corrected(pixel, before.xyz, before.xyz)", "before.xyz"),
     (Pass::BLEND_NET_FULL, "pixel, o, values[o]", "pixel, o, values[0]"),
+    (Pass::BLEND_MIX, "clamp(v / bright,", "clamp(0.9 * v / bright,"),
 ];
 
 /// Of joint planes, which only light has.
 pub const PLANTED_IN_JOINT: (Pass, &str, &str) =
     (Pass::RESIDUAL_APPLY_JOINT, "corrected(pixel, filtered[p].xyz, before.xyz)", "0.9 * before.xyz");
+
+/// What is kept of a picture for its neighbours is found once.
+#[test]
+fn signatures_are_found_once_a_picture() {
+    let Some(gpu) = gpu_with_timestamps() else { return };
+    let gpu: &'static Gpu = Box::leak(Box::new(gpu));
+    let kernels = Arc::new(SequenceKernels::new(&gpu.device).with_timings(&gpu.device));
+    let host = Host { kernels: Arc::clone(&kernels), ..Host::new(gpu) };
+    let settings = settings(&[("gather.frames", "1"), ("stabilise.frames", "2")]);
+    run(&host, &settings, (0..6).map(|t| scene(Size::new(16, 12), t)));
+    let mut dispatches = Vec::new();
+    while let Some(timings) = kernels.take_timings(&gpu.queue) {
+        dispatches.extend(timings.into_iter().map(|timing| timing.pass));
+    }
+    let count = |pass: Pass| dispatches.iter().filter(|name| **name == pass.name).count();
+    assert_eq!([Pass::STABILISE, Pass::SIGNATURE].map(count), [6, 6]);
+}
 
 #[test]
 fn planted_differences_after_the_filtered_light_are_found() {

@@ -223,20 +223,29 @@ impl SequenceWindow {
         for place in 0..job.len() {
             self.upload_finish(device, encoder, job, place)?;
         }
-        let missing = || Error::Missing { pass: PASS };
         self.shown = None;
-        // Signatures of frames that are new: place, layer and number.
-        let held = &self.pictures.as_ref().ok_or_else(missing)?.signatures[0].holds;
-        let place = |place: usize| {
+        for place in 0..job.len() {
             let number = job.frame(place).number;
-            (place, layer(number, held.len() as u32) as usize, number)
-        };
-        let is_new = |(_, at, number): &(usize, usize, i64)| held.get(*at) != Some(&Some(*number));
-        let fresh: Vec<_> = (0..job.len()).map(place).filter(is_new).collect();
+            if self.signatures()?.holds(number) {
+                continue;
+            }
+            self.stages(device, job)?.signature(encoder, place)?;
+            self.signatures()?.hold(number);
+        }
+        self.stages(device, job)?.run(encoder)
+    }
+
+    /// The first of four arrays, which stands for all.
+    fn signatures(&mut self) -> Result<&mut Array, Error> {
+        let pictures = self.pictures.as_mut().ok_or(Error::Missing { pass: PASS })?;
+        Ok(&mut pictures.signatures[0])
+    }
+
+    fn stages<'w, 'j>(&'w self, device: &'j wgpu::Device, job: &'j FinishJob<'j>) -> Result<Stages<'w, 'j>, Error> {
+        let missing = || Error::Missing { pass: PASS };
         let (Some(work), Some(pictures)) = (&self.work, &self.pictures) else { return Err(missing()) };
         let pool: Vec<&wgpu::Buffer> = work.pool().take(BUFFERS).collect();
-        let buffers = <[&wgpu::Buffer; BUFFERS]>::try_from(pool).map_err(|_| missing())?;
-        let stages = Stages {
+        Ok(Stages {
             window: self,
             pictures,
             kernels: self.kernels.finish(device),
@@ -246,13 +255,8 @@ impl SequenceWindow {
             settings: FinishUniforms::new(job),
             brightness: &work.most,
             cells: &work.cells,
-            buffers,
-        };
-        for (place, ..) in &fresh {
-            stages.signature(encoder, *place)?;
-        }
-        let finished = stages.run(encoder)?;
-        Ok(finished)
+            buffers: pool.try_into().map_err(|_| missing())?,
+        })
     }
 }
 

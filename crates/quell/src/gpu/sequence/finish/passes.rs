@@ -22,6 +22,7 @@ const PICTURES: &str = include_str!("../pictures.wgsl");
 const INPUTS: &str = include_str!("../inputs.wgsl");
 const STATISTICS_AT: &str = include_str!("../statistics_at.wgsl");
 const FAST_LOG: &str = include_str!("../../../kernels/fast_log.wgsl");
+const RELATIVE: &str = include_str!("../../../stages/blend/relative.wgsl");
 const STATISTICS: &str = include_str!("../../../stages/blend/statistics.wgsl");
 const SIGNATURE: &str = include_str!("../../../stages/stabilise/signature.wgsl");
 const GUIDES: &str = include_str!("../../../stages/blend/guides.wgsl");
@@ -131,6 +132,7 @@ impl Pass {
             INPUTS,
             FAST_LOG,
             STATISTICS_AT,
+            RELATIVE,
             STATISTICS,
             include_str!("../../../stages/stabilise/shader.wgsl"),
             include_str!("../../passes/stabilise.wgsl"),
@@ -165,6 +167,7 @@ impl Pass {
             INPUTS,
             FAST_LOG,
             STATISTICS_AT,
+            RELATIVE,
             STATISTICS,
             HAS,
             GUIDES,
@@ -242,7 +245,7 @@ impl Pass {
             written("shares"),
             written("mixture"),
         ],
-        &[IMAGE, PICTURES, INPUTS, FAST_LOG, BLEND, include_str!("../../passes/blend_mix.wgsl")],
+        &[IMAGE, PICTURES, INPUTS, FAST_LOG, RELATIVE, BLEND, include_str!("../../passes/blend_mix.wgsl")],
     );
 
     /// Stage `blend`: what the kernel changes.
@@ -258,7 +261,7 @@ impl Pass {
         "blend_gain",
         "gain",
         &[SETTINGS, read("mixture"), read("changed"), read("judged"), written("gains")],
-        &[IMAGE, FAST_LOG, BLEND, include_str!("../../passes/blend_gain.wgsl")],
+        &[IMAGE, FAST_LOG, RELATIVE, BLEND, include_str!("../../passes/blend_gain.wgsl")],
     );
 
     /// All of them, in order.
