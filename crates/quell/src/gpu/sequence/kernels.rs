@@ -73,6 +73,10 @@ impl SequenceKernels {
 
     /// Times every dispatch, where the device has the feature `TIMESTAMP_QUERY`. All windows share the queries: for one at a time.
     #[must_use]
+    #[cfg_attr(
+        target_arch = "wasm32",
+        expect(clippy::arc_with_non_send_sync, reason = "buffers of a browser belong to one thread")
+    )]
     pub fn with_timings(self, device: &wgpu::Device) -> Self {
         let timings = Timings::new(device, "quell sequence", MOST_OF_SEQUENCE).map(|t| Arc::new(Mutex::new(t)));
         let of = timings.as_ref();
