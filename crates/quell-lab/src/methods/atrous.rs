@@ -3,13 +3,13 @@
 //!
 //! Light is filtered without albedo (section 4); matte and glossy separately, with their own colour weights.
 
-use super::surface::{BACKGROUND, DEPTH, Guides, NORMAL, Rows, signals};
+use super::surface::{BACKGROUND, DEPTH, FAR, Guides, NORMAL, Rows, positions, signals};
 use super::wavelet::{BLOCK, CENTRE, Lanes, exp_neg, load, taps};
 use super::{Input, Method, composite};
 use crate::error::Error;
 use crate::tone::luminance;
 use fearless_simd::{Level, dispatch};
-use quell::{Frame, Plane, Rgb};
+use quell::{Plane, Rgb};
 
 /// The three sigmas of equations 6 to 8, which the paper leaves to the scene, in units that scale with it; and the levels.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -31,9 +31,6 @@ impl Default for Constants {
         Self { levels: 5, colour: 50.0, normal: 0.28, position: 0.07 }
     }
 }
-
-/// Where the background lies: so far off that its weight is 0.
-const FAR: f32 = 1e15;
 
 /// Channels: red, green, blue of matte, then of glossy.
 const LIGHT: usize = 6;
@@ -104,23 +101,6 @@ impl Method for Atrous {
         self.buffers = Some(buffers);
         Ok(composite(frame, Some(matte.view()), Some(glossy.view())))
     }
-}
-
-/// World positions of the surfaces.
-fn positions(frame: &Frame<'_>, guides: &Guides, out: &mut Rows) {
-    let (width, view) = (frame.size.width, frame.camera.projection(frame.size));
-    out.fill(|y, row| {
-        for x in 0..width {
-            let pixel = glam::Vec2::new(x as f32 + 0.5, y as f32 + 0.5);
-            let world = match &view {
-                Some(view) if guides.is_surface(x, y) => view.world(pixel, guides.surface.at(x, y, DEPTH)).to_array(),
-                _ => [FAR; 3],
-            };
-            for c in 0..3 {
-                row[c * width + x] = world[c];
-            }
-        }
-    });
 }
 
 /// Mean luminance of both signals over all surfaces.

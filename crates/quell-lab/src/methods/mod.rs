@@ -8,6 +8,7 @@
 //! atrous.rs    Dammertz et al. 2010
 //! temporal.rs  accumulation alone
 //! svgf/        Schied et al. 2017
+//! bmfr.rs      blockwise regression on features: Koskela et al. 2019
 //! oidn/        Open Image Denoise, loaded at run time
 //! surface.rs   what the temporal ones share: which pixels of the frame before show the same surface
 //! wavelet.rs   the pattern of the a-trous wavelet
@@ -21,6 +22,7 @@
 //! the finished picture. [`parse`] finds a method by its name.
 
 pub mod atrous;
+pub mod bmfr;
 pub mod external;
 pub mod nfor;
 pub mod nlm;
@@ -156,6 +158,7 @@ pub fn parse(name: &str) -> Result<Box<dyn Method>, Error> {
         return Ok(Box::new(svgf::Svgf::new(name, *constants)));
     }
     match name {
+        "bmfr" => return Ok(Box::new(bmfr::Bmfr::default())),
         "nlm" | "nlm:colour" => return Ok(Box::new(nlm::Nlm::new(name == "nlm"))),
         "wlr" => return Ok(Box::new(wlr::Wlr::default())),
         "nfor" => return Ok(Box::new(nfor::Nfor::default())),
@@ -193,6 +196,7 @@ pub const NAMES: &[&str] = &[
     "atrous",
     "svgf",
     "svgf:later",
+    "bmfr",
     "nlm",
     "nlm:colour",
     "wlr",

@@ -173,6 +173,26 @@ impl Guides {
     }
 }
 
+/// Where the background lies: so far off that a weight by distance is 0.
+pub(super) const FAR: f32 = 1e15;
+
+/// World positions of the surfaces; of the background [`FAR`].
+pub(super) fn positions(frame: &Frame<'_>, guides: &Guides, out: &mut Rows) {
+    let (width, view) = (frame.size.width, frame.camera.projection(frame.size));
+    out.fill(|y, row| {
+        for x in 0..width {
+            let pixel = glam::Vec2::new(x as f32 + 0.5, y as f32 + 0.5);
+            let world = match &view {
+                Some(view) if guides.is_surface(x, y) => view.world(pixel, guides.surface.at(x, y, DEPTH)).to_array(),
+                _ => [FAR; 3],
+            };
+            for c in 0..3 {
+                row[c * width + x] = world[c];
+            }
+        }
+    });
+}
+
 /// Largest difference of view depth between a pixel and its history, in sizes of `fwidth z` plus [`DEPTH_SLACK`]
 /// (Schied et al., later code: 10).
 const DEPTH_WIDTHS: f32 = 10.0;

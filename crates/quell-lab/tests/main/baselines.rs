@@ -1,4 +1,4 @@
-//! Temporal accumulation, a-trous and SVGF by what they must do to pictures with a known answer.
+//! Temporal accumulation, a-trous, SVGF and BMFR by what they must do to pictures with a known answer.
 
 use quell::{Camera, FrameBuf, Plane, Size};
 use quell_lab::methods::{Input, Method, parse};
@@ -53,7 +53,7 @@ fn moments(picture: &Plane<[f32; 3]>, columns: std::ops::Range<usize>) -> (f64, 
     (mean, values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / values.len() as f64)
 }
 
-const ALL: [&str; 4] = ["temporal", "atrous", "svgf", "svgf:later"];
+const ALL: [&str; 5] = ["temporal", "atrous", "svgf", "svgf:later", "bmfr"];
 
 #[test]
 fn a_constant_stays_constant_on_slanted_ground_with_background() {
@@ -84,7 +84,9 @@ fn a_constant_stays_constant_on_slanted_ground_with_background() {
 
 #[test]
 fn energy_is_kept_and_noise_falls() {
-    for (name, at_most) in [("temporal", 1.0 / 7.0), ("atrous", 0.02), ("svgf", 0.02), ("svgf:later", 0.02)] {
+    for (name, at_most) in
+        [("temporal", 1.0 / 7.0), ("atrous", 0.02), ("svgf", 0.02), ("svgf:later", 0.02), ("bmfr", 0.02)]
+    {
         let mut method = parse(name).unwrap();
         let picture = (0..8).map(|i| run(method.as_mut(), &noisy_wall(i))).last().unwrap();
         let (mean, variance) = moments(&picture, 8..SIZE.width - 8);

@@ -5,7 +5,12 @@ mod disocclusion;
 mod furnace;
 mod glossy_room;
 mod lights_out;
+mod mirror_ball;
 mod mirror_hall;
+mod moving_lamps;
+mod parts;
+mod soft_bodies;
+mod thin_things;
 
 use crate::scene::{Scene, SceneError};
 
@@ -28,17 +33,27 @@ pub struct SceneInfo {
 struct Builtin {
     info: SceneInfo,
     build: fn() -> Scene,
-    source: &'static str,
+    sources: &'static [&'static str],
 }
 
 const BUILTIN: &[Builtin] = &[
-    Builtin { info: cornell_box::INFO, build: cornell_box::build, source: include_str!("cornell_box.rs") },
-    Builtin { info: glossy_room::INFO, build: glossy_room::build, source: include_str!("glossy_room.rs") },
-    Builtin { info: mirror_hall::INFO, build: mirror_hall::build, source: include_str!("mirror_hall.rs") },
-    Builtin { info: disocclusion::INFO, build: disocclusion::build, source: include_str!("disocclusion.rs") },
-    Builtin { info: lights_out::INFO, build: lights_out::build, source: include_str!("lights_out.rs") },
-    Builtin { info: furnace::INFO, build: furnace::build, source: include_str!("furnace.rs") },
+    Builtin { info: cornell_box::INFO, build: cornell_box::build, sources: &[include_str!("cornell_box.rs")] },
+    Builtin { info: glossy_room::INFO, build: glossy_room::build, sources: &[include_str!("glossy_room.rs")] },
+    Builtin { info: mirror_hall::INFO, build: mirror_hall::build, sources: &[include_str!("mirror_hall.rs")] },
+    Builtin { info: disocclusion::INFO, build: disocclusion::build, sources: &[include_str!("disocclusion.rs")] },
+    Builtin { info: lights_out::INFO, build: lights_out::build, sources: &[include_str!("lights_out.rs")] },
+    Builtin { info: thin_things::INFO, build: thin_things::build, sources: &[include_str!("thin_things.rs"), PARTS] },
+    Builtin {
+        info: moving_lamps::INFO,
+        build: moving_lamps::build,
+        sources: &[include_str!("moving_lamps.rs"), PARTS],
+    },
+    Builtin { info: soft_bodies::INFO, build: soft_bodies::build, sources: &[include_str!("soft_bodies.rs"), PARTS] },
+    Builtin { info: mirror_ball::INFO, build: mirror_ball::build, sources: &[include_str!("mirror_ball.rs"), PARTS] },
+    Builtin { info: furnace::INFO, build: furnace::build, sources: &[include_str!("furnace.rs")] },
 ];
+
+const PARTS: &str = include_str!("parts.rs");
 
 /// What all built-in scenes are made with: a change there changes them.
 const SHARED_SOURCES: [&str; 2] = [include_str!("../shapes.rs"), include_str!("../pattern.rs")];
@@ -82,7 +97,7 @@ pub fn builtin(name: &str) -> Result<Scene, SceneError> {
     scene.frames = found.info.frames;
     scene.exposure = found.info.exposure;
     let mut identity = crate::hash::Hash::new();
-    for source in SHARED_SOURCES.iter().chain([&found.source]) {
+    for source in SHARED_SOURCES.iter().chain(found.sources) {
         identity.text(&without_defaults(source));
     }
     scene.identity = identity.finish();
