@@ -1,7 +1,7 @@
 //! Blockwise multi-order feature regression (Koskela, Immonen, Mäkitalo, Foi, Viitanen, Jääskeläinen, Kultala, Takala: "Blockwise
 //! Multi-Order Feature Regression for Real-Time Path-Tracing Reconstruction", ACM Transactions on Graphics 38(5), 2019).
 //!
-//! Light is accumulated over time, fitted by least squares in blocks of 32x32 pixels to normals, positions and their squares, and what
+//! Constants are those of the code that the authors published. Light is accumulated over time, fitted by least squares in blocks of 32x32 pixels to normals, positions and their squares, and what
 //! was fitted is accumulated again. Departures: `docs/baselines.md`.
 
 use super::surface::{Guides, NORMAL, Reprojection, Rows, Taps, positions, signals};
@@ -10,16 +10,18 @@ use crate::error::Error;
 use quell::{Frame, Plane, Rgb, Size};
 use rayon::prelude::*;
 
-/// Edge of a block, pixels (section 4.2).
+/// Edge of a block, pixels.
 const BLOCK: usize = 32;
-/// Least weight of the newest frame before the fit, and after it (section 4.1 and 4.3).
+/// Least weight of the newest frame before the fit, and after it.
 const ALPHA: f32 = 0.2;
 const SECOND_ALPHA: f32 = 0.1;
 /// Frames that are counted at most.
 const LONGEST: f32 = 256.0;
-/// Largest disturbance of a feature, of its range of 1: features that depend on each other become independent (section 4.2, stochastic
+/// Largest disturbance of a feature, of its range of 1: features that depend on each other become independent (the paper's stochastic
 /// regularisation).
 const DISTURBANCE: f32 = 0.01;
+/// A feature of which those before it leave less than this, squared, in the mean of the pixels, is left out: what rounding leaves.
+const LEAST_REST: f64 = 1e-9;
 /// The grid of blocks is shifted from frame to frame, so that its edges average out; the shifts repeat after so many frames.
 const SHIFTS: i64 = 16;
 
@@ -215,7 +217,7 @@ fn solve(
             a[i][j] = if kept[j] { (a[i][j] - sum) / a[j][j] } else { 0.0 };
         }
         let rest = a[i][i] - (0..i).map(|k| a[i][k] * a[i][k]).sum::<f64>();
-        kept[i] = rest > 1e-9 * count;
+        kept[i] = rest > LEAST_REST * count;
         a[i][i] = if kept[i] { rest.sqrt() } else { 1.0 };
         for c in 0..COLOURS {
             let sum: f64 = (0..i).map(|k| a[i][k] * b[k][c]).sum();
