@@ -1,8 +1,8 @@
 //! Blockwise multi-order feature regression (Koskela, Immonen, Mäkitalo, Foi, Viitanen, Jääskeläinen, Kultala, Takala: "Blockwise
 //! Multi-Order Feature Regression for Real-Time Path-Tracing Reconstruction", ACM Transactions on Graphics 38(5), 2019).
 //!
-//! Constants are those of the code that the authors published. Light is accumulated over time, fitted by least squares in blocks of 32x32 pixels to normals, positions and their squares, and what
-//! was fitted is accumulated again. Departures: `docs/baselines.md`.
+//! Light is accumulated over time, fitted by least squares in blocks of 32x32 pixels to normals, positions and their squares, and what
+//! was fitted is accumulated again. Constants are those of the code that the authors published. Departures: `docs/baselines.md`.
 
 use super::surface::{Guides, NORMAL, Reprojection, Rows, Taps, positions, signals};
 use super::{Input, Method, composite};
