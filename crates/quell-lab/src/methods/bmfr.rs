@@ -20,7 +20,8 @@ const LONGEST: f32 = 256.0;
 /// Largest disturbance of a feature, of its range of 1: features that depend on each other become independent (the paper's stochastic
 /// regularisation).
 const DISTURBANCE: f32 = 0.01;
-/// A feature of which those before it leave less than this, squared, in the mean of the pixels, is left out: what rounding leaves.
+/// Least squared remainder of a feature that the features before it do not explain, mean over the block's pixels. Below it the
+/// feature depends on them up to rounding, and is left out of the fit.
 const LEAST_REST: f64 = 1e-9;
 /// The grid of blocks is shifted from frame to frame, so that its edges average out; the shifts repeat after so many frames.
 const SHIFTS: i64 = 16;
