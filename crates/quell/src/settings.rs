@@ -228,6 +228,12 @@ parameters! {
         deviations: f32 = 0.0, 0.0..=64.0, "standard deviations of the noise", "From the second level on, a neighbour whose luminance differs by as much counts nothing; 0: no such stop.",
             higher "Smoother, flatter.", lower "Contact shadows and soft edges of light stay, and some noise.",
             source "ours: `docs/quality.md`; a luminance stop that knows the noise: SVGF (Schied et al. 2017) 4.3";
+        matte_contrast: f32 = 0.0, 0.0..=64.0, "of the mean, for one frame", "Matte only, first level: a neighbour whose luminance differs by this times the pair's mean and the root of 1 / N_p + 1 / N_q counts nothing; 0: no such stop.",
+            higher "Fireflies spread, shadows are flatter.", lower "Sparse light is not smoothed, and loses energy to stage 6.",
+            source "ours: `docs/quality.md`";
+        glossy_contrast: f32 = 0.0, 0.0..=64.0, "of the mean, for one frame", "The same for the glossy signal.",
+            higher "Lamps in mirrors leak into the pixels beside them.", lower "Reflections are noisier at first.",
+            source "ours: `docs/quality.md`";
     }
     /// The cross-bilateral weight that stages 4, 7, 9 and 10 share. Geometry only.
     edge: Edge {
@@ -408,12 +414,21 @@ impl Settings {
                 frames: 64.0,
                 falloff: 0.4,
                 matte_stays: true,
-                lobe: 0.05,
-                least_lobe: 0.05,
-                deviations: 5.0,
+                lobe: 0.1,
+                least_lobe: 0.005,
+                deviations: 4.5,
+                matte_contrast: 8.0,
+                glossy_contrast: 6.0,
             },
-            changed_light: ChangedLight { matte: true, glossy: true, ..ChangedLight::default() },
-            glossy_temporal: GlossyTemporal { alpha: 0.85, mirror_roughness: 0.03, ..GlossyTemporal::default() },
+            changed_light: ChangedLight { matte: true, glossy: true, fast: 0.3, ..ChangedLight::default() },
+            // Blades and wires find neighbours of their own surface.
+            edge: Edge { plane: 0.3, ..Edge::default() },
+            glossy_temporal: GlossyTemporal {
+                alpha: 0.85,
+                mirror_roughness: 0.03,
+                hit_tolerance: 0.02,
+                ..GlossyTemporal::default()
+            },
             // What is young is filtered already; mature light stays sharp.
             matte_prefilter: MattePrefilter { enabled: false, ..MattePrefilter::default() },
             disocclusion: Disocclusion { enabled: false, ..Disocclusion::default() },

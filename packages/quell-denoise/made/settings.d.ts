@@ -74,6 +74,10 @@ export interface Settings {
   "young_filter.least_lobe"?: number;
   /** From the second level on, a neighbour whose luminance differs by as much counts nothing; 0: no such stop. From 0 to 64, standard deviations of the noise. Default: 0. */
   "young_filter.deviations"?: number;
+  /** Matte only, first level: a neighbour whose luminance differs by this times the pair's mean and the root of 1 / N_p + 1 / N_q counts nothing; 0: no such stop. From 0 to 64, of the mean, for one frame. Default: 0. */
+  "young_filter.matte_contrast"?: number;
+  /** The same for the glossy signal. From 0 to 64, of the mean, for one frame. Default: 0. */
+  "young_filter.glossy_contrast"?: number;
   /** Kz: fall of the weight with the distance in depth from the tangent plane. From 0 to 1000, per relative depth. Default: 5. */
   "edge.depth"?: number;
   /** Kn: fall of the weight with 1 - cosine^4 of the normals. From 0 to 100. Default: 1. */

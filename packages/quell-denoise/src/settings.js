@@ -122,6 +122,8 @@ export function settingsStruct(settings, rows) {
       lobe: young.lobe,
       least_lobe: young.least_lobe,
       deviations: young.deviations,
+      matte_contrast: young.matte_contrast,
+      glossy_contrast: young.glossy_contrast,
       last,
     },
     matte_prefilter: spiral("matte_prefilter"),

@@ -375,6 +375,7 @@ impl Cpu {
             lobe: has_lobe.then(|| young::Lobe::new(s, guides.now.view.focal_px, level)),
             frames: s.frames,
             squared: s.deviations * s.deviations,
+            first: if level == 0 { young::contrast(s, signal).powi(2) } else { 0.0 },
             noise: (stops && level > 0).then_some(before.as_slice()).filter(|noise| noise.len() == pixels),
         };
         let left = (stops && level as usize + 1 < young::LEVELS).then_some(after.as_mut_slice());

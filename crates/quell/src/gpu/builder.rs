@@ -131,11 +131,17 @@ impl<'a> Builder<'a> {
                         (pass, GUIDES.into_iter().chain(self.guides_before(signal)).chain(planes).collect())
                     }
                     Stage::Firefly => (Pass::FIREFLY_JOINT, vec![GUIDES[0], input, own(input), own(output)]),
-                    // Level 0 has no luminance stop: its weights are those of geometry.
-                    Stage::MatteYoung3 | Stage::MatteYoung9 | Stage::GlossyYoung3 | Stage::GlossyYoung9 => {
+                    Stage::MatteYoung1
+                    | Stage::MatteYoung3
+                    | Stage::MatteYoung9
+                    | Stage::GlossyYoung1
+                    | Stage::GlossyYoung3
+                    | Stage::GlossyYoung9 => {
                         let pass = match step.stage {
+                            Stage::MatteYoung1 => Pass::MATTE_YOUNG_1_JOINT,
                             Stage::MatteYoung3 => Pass::MATTE_YOUNG_3_JOINT,
                             Stage::MatteYoung9 => Pass::MATTE_YOUNG_9_JOINT,
+                            Stage::GlossyYoung1 => Pass::GLOSSY_YOUNG_1_JOINT,
                             Stage::GlossyYoung3 => Pass::GLOSSY_YOUNG_3_JOINT,
                             _ => Pass::GLOSSY_YOUNG_9_JOINT,
                         };

@@ -477,10 +477,14 @@ impl Pass {
         ],
     };
 
+    /// Level 0 of the filter of young history for a plane that is tied to the matte signal.
+    pub const MATTE_YOUNG_1_JOINT: Self = young_joint(Stage::MatteYoung1, "matte_young_1_joint");
     /// Level 1 of the filter of young history for a plane that is tied to the matte signal.
     pub const MATTE_YOUNG_3_JOINT: Self = young_joint(Stage::MatteYoung3, "matte_young_3_joint");
     /// Level 2 of the filter of young history for a plane that is tied to the matte signal.
     pub const MATTE_YOUNG_9_JOINT: Self = young_joint(Stage::MatteYoung9, "matte_young_9_joint");
+    /// Level 0 of the filter of young history for a plane that is tied to the glossy signal.
+    pub const GLOSSY_YOUNG_1_JOINT: Self = young_joint(Stage::GlossyYoung1, "glossy_young_1_joint");
     /// Level 1 of the filter of young history for a plane that is tied to the glossy signal.
     pub const GLOSSY_YOUNG_3_JOINT: Self = young_joint(Stage::GlossyYoung3, "glossy_young_3_joint");
     /// Level 2 of the filter of young history for a plane that is tied to the glossy signal.
@@ -509,12 +513,14 @@ impl Pass {
     pub const FUSED: [Self; 2] = [Self::TEMPORAL, Self::DISOCCLUSION_FIREFLY];
 
     /// What planes that are tied to a signal need instead of the signal's own pass; their other stages are the signal's.
-    pub const JOINT: [Self; 7] = [
+    pub const JOINT: [Self; 9] = [
         Self::MATTE_TEMPORAL_JOINT,
+        Self::MATTE_YOUNG_1_JOINT,
         Self::MATTE_YOUNG_3_JOINT,
         Self::MATTE_YOUNG_9_JOINT,
         Self::FIREFLY_JOINT,
         Self::GLOSSY_TEMPORAL_JOINT,
+        Self::GLOSSY_YOUNG_1_JOINT,
         Self::GLOSSY_YOUNG_3_JOINT,
         Self::GLOSSY_YOUNG_9_JOINT,
     ];

@@ -66,6 +66,9 @@ struct YoungSettings {
     least_lobe: f32,
     // Of the luminance stop; 0: none.
     deviations: f32,
+    // Of the first level's luminance stop; 0: none.
+    matte_contrast: f32,
+    glossy_contrast: f32,
     // Pixels between the taps of the matte level that hands the confidence on; 0: none does.
     last: i32,
 }

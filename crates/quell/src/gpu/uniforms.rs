@@ -102,6 +102,8 @@ uniforms! {
         lobe: f32,
         least_lobe: f32,
         deviations: f32,
+        matte_contrast: f32,
+        glossy_contrast: f32,
         last: u32,
     }
 
@@ -435,6 +437,8 @@ fn young(settings: &Settings) -> Young {
         lobe: s.lobe,
         least_lobe: s.least_lobe,
         deviations: s.deviations,
+        matte_contrast: s.matte_contrast,
+        glossy_contrast: s.glossy_contrast,
         last: young_filter::last_before_blend(settings).unwrap_or(0) as u32,
     }
 }

@@ -240,6 +240,28 @@ fn every_stage_alone_agrees() {
             WEIGHTS,
         ),
         (
+            "young matte, contrast",
+            [
+                TEMPORAL,
+                &[("young_filter.matte", "on"), ("young_filter.matte_contrast", "2"), ("young_filter.deviations", "3")],
+            ]
+            .concat(),
+            WEIGHTS,
+        ),
+        (
+            "young glossy, contrast",
+            [
+                GLOSSY,
+                &[
+                    ("young_filter.glossy", "on"),
+                    ("young_filter.glossy_contrast", "1.5"),
+                    ("young_filter.least_lobe", "1"),
+                ],
+            ]
+            .concat(),
+            WEIGHTS,
+        ),
+        (
             "young glossy, stop",
             [
                 GLOSSY,

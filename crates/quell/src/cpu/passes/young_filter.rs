@@ -12,7 +12,9 @@ use crate::settings::OffScreen;
 use crate::simd::dispatch;
 use crate::stages::matte_prefilter::cpu::{gather, invert};
 use crate::stages::young_filter::Lobe;
-use crate::stages::young_filter::cpu::{Spread, by_frames, finish, luminances, refuse, shares, varied, vary};
+use crate::stages::young_filter::cpu::{
+    Spread, alike, by_frames, divide, finish, luminances, refuse, shares, varied, vary,
+};
 use fearless_simd::Level;
 
 /// What a level needs besides its images.
@@ -33,6 +35,8 @@ pub(crate) struct Filter<'a> {
     pub frames: f32,
     /// Squared deviations of the luminance stop.
     pub squared: f32,
+    /// Squared contrast of the first level's luminance stop; 0: none, and on other levels.
+    pub first: f32,
     /// The variance of luminance, in phase order, as the level before left it; `None`: no luminance stop.
     pub noise: Option<&'a [f32]>,
 }
@@ -70,6 +74,10 @@ struct Scratch {
     total: Run,
     share: Run,
     frames: Run,
+    /// The centres' weights in their means: their frames, and what the first luminance stop refuses.
+    own: Run,
+    /// What that stop leaves of a tap.
+    like: Run,
     sums: [Run; 3],
     /// Luminance of the centres, and of a tap.
     light: Run,
@@ -95,6 +103,8 @@ fn a_row<const PERSPECTIVE: bool, const GLOSS: bool>(
         total: zero,
         share: zero,
         frames: zero,
+        own: zero,
+        like: [1.0; RUN],
         sums: [zero; 3],
         light: zero,
         light_there: zero,
@@ -121,8 +131,9 @@ fn filter_run<const PERSPECTIVE: bool, const GLOSS: bool>(
     scratch: &mut Scratch,
     (out, left): (&mut [f32], Option<&mut [f32]>),
 ) {
-    let Scratch { centres, taps, total, share, frames, sums, light, light_there, spread, noise, varied: varied_sums } =
-        scratch;
+    let Scratch { centres, taps, total, share, frames, own: own_weight, like, sums, .. } = scratch;
+    let (light, light_there, spread) = (&mut scratch.light, &mut scratch.light_there, &mut scratch.spread);
+    let (noise, varied_sums) = (&mut scratch.noise, &mut scratch.varied);
     let guides = filter.guides;
     let width = phases.size.width;
     let view = &guides.now.view;
@@ -147,7 +158,8 @@ fn filter_run<const PERSPECTIVE: bool, const GLOSS: bool>(
     if finds {
         spread.begin(&frames[..n]);
     }
-    if finds || known.is_some() {
+    let reads_light = finds || known.is_some() || filter.first > 0.0;
+    if reads_light {
         luminances(three(|c| &channel(own, width, 0, c)[begin..][..n]), &mut light[..n]);
     }
     if let Some(known) = known {
@@ -158,6 +170,7 @@ fn filter_run<const PERSPECTIVE: bool, const GLOSS: bool>(
     let x = (PERIOD * first + phase) as f32;
     centres.fill(view, &filter.gains, &p, x + 0.5 + guides.now.jitter.x, y as f32 + 0.5 + guides.now.jitter.y);
     total[..n].copy_from_slice(&frames[..n]);
+    own_weight[..n].copy_from_slice(&frames[..n]);
     let pieces = |(dx, dy): (i32, i32)| {
         let step = filter.step as i32;
         Pieces::of(phases, run, (dx * step, dy * step), OffScreen::Skip)
@@ -172,7 +185,7 @@ fn filter_run<const PERSPECTIVE: bool, const GLOSS: bool>(
             weights::<PERSPECTIVE, GLOSS>(centres, piece.first, &q, &geometry, &filter.gains, of_tap);
             piece.mask(of_tap);
             let length = &filter.length[piece.at..][..piece.len];
-            if finds || known.is_some() {
+            if reads_light {
                 let there =
                     three(|c| &colours[of_fields(piece.at, width, 3 * input.planes, piece.y, c)..][..piece.len]);
                 luminances(there, &mut light_there[..piece.len]);
@@ -182,6 +195,13 @@ fn filter_run<const PERSPECTIVE: bool, const GLOSS: bool>(
             if finds {
                 spread.add(piece.first, of_tap, length, filter.frames, lights);
             }
+            if filter.first > 0.0 {
+                let like = &mut like[..piece.len];
+                alike(like, lights, (length, &frames[lanes.clone()]), filter.frames, filter.first);
+            }
+            if finds {
+                spread.square(piece.first, (of_tap, like), length, filter.frames);
+            }
             if let Some(there) = there {
                 refuse(of_tap, lights, (there, &noise[lanes.clone()]), filter.squared);
             }
@@ -189,7 +209,10 @@ fn filter_run<const PERSPECTIVE: bool, const GLOSS: bool>(
             if let Some(there) = there {
                 vary(of_tap, there, &mut varied_sums[lanes.clone()]);
             }
-            total[lanes].iter_mut().zip(of_tap).for_each(|(total, w)| *total += *w);
+            total[lanes.clone()].iter_mut().zip(&*of_tap).for_each(|(total, w)| *total += *w);
+            if filter.first > 0.0 {
+                divide(of_tap, like, &mut own_weight[lanes]);
+            }
         }
     }
     invert(&mut total[..n]);
@@ -197,13 +220,13 @@ fn filter_run<const PERSPECTIVE: bool, const GLOSS: bool>(
         let left = &mut left[begin..][..n];
         match known {
             Some(known) => varied(varied_sums, total, p.depth, known, left),
-            None => spread.finish((total, share, frames), p.depth, light, left),
+            None => spread.finish((total, share, frames), own_weight, p.depth, light, left),
         }
     }
     for plane in 0..input.planes {
         for c in 0..3 {
             let centre = &channel(own, width, plane, c)[begin..][..n];
-            sums[c][..n].iter_mut().zip(centre).zip(&frames[..n]).for_each(|((sum, v), n)| *sum = v * n);
+            sums[c][..n].iter_mut().zip(centre).zip(&own_weight[..n]).for_each(|((sum, v), n)| *sum = v * n);
         }
         for (of_tap, offset) in taps.iter().zip(OFFSETS) {
             let mut pieces = pieces(offset);

@@ -30,7 +30,7 @@ fn store(pixel: vec2i, filtered: Young, is_last: bool) {
 fn matte_level(pixel: vec2i, step: i32, end: f32) {
     is_beside = looks_for_change(settings.matte_blend);
     if contains(pixel) {
-        let filtered = young_filter(pixel, settings.matte_edge, step, young_share(pixel, end, 1.0));
+        let filtered = young_filter(pixel, settings.matte_edge, step, young_share(pixel, end, 1.0), settings.young.matte_contrast);
         store(pixel, filtered, step == settings.young.last);
     }
 }
@@ -40,7 +40,8 @@ fn glossy_level(pixel: vec2i, step: i32, end: f32) {
     if contains(pixel) {
         let gain = settings.young.lobe * LOBE_SPREAD * frame.view.focal_px;
         let share = young_share(pixel, end, young_lobe(pixel, gain, step));
-        store(pixel, young_filter(pixel, settings.glossy_edge, step, share), false);
+        let filtered = young_filter(pixel, settings.glossy_edge, step, share, settings.young.glossy_contrast);
+        store(pixel, filtered, false);
     }
 }
 

@@ -1,6 +1,6 @@
 //! The filter of young history on runs of pixels.
 
-use super::{LEAST_NEIGHBOURS, Lobe, counted, fade, stop};
+use super::{LEAST_NEIGHBOURS, Lobe, counted, fade, prior, stop};
 use crate::kernels::edge_cpu::{RUN, Run};
 use crate::kernels::math::luminance;
 
@@ -85,7 +85,8 @@ impl Spread {
         self.squares = [0.0; RUN];
     }
 
-    /// Adds a tap from lane `first` on: edge weights, history lengths, luminances of the taps and of the centres.
+    /// Adds a tap from lane `first` on: edge weights, history lengths, luminances of the taps and of the centres. What it adds to
+    /// the variance of the mean: [`Spread::square`].
     #[inline(always)]
     pub fn add(&mut self, first: usize, weights: &[f32], length: &[f32], most: f32, (q, p): (&[f32], &[f32])) {
         let n = weights.len();
@@ -94,7 +95,6 @@ impl Spread {
         let [m0, m1, m2] = &mut self.moments;
         let (edges, edge_squares) = (&mut edges[first..][..n], &mut edge_squares[first..][..n]);
         let (m0, m1, m2) = (&mut m0[first..][..n], &mut m1[first..][..n], &mut m2[first..][..n]);
-        let squares = &mut self.squares[first..][..n];
         for i in 0..n {
             let w = weights[i];
             let framed = w * counted(length[i], most);
@@ -104,22 +104,34 @@ impl Spread {
             m0[i] += framed;
             m1[i] += framed * x;
             m2[i] += framed * x * x;
-            squares[i] += w * framed;
         }
     }
 
-    /// The variance of the filtered luminance. `part`: one over the sum of the weights of the mean; `light`: the centres'.
+    /// Adds a tap's part to the variance of the mean, from lane `first` on: edge weights, and what of them the first stop leaves.
+    #[inline(always)]
+    pub fn square(&mut self, first: usize, (weights, like): (&[f32], &[f32]), length: &[f32], most: f32) {
+        let n = weights.len();
+        let (like, length, squares) = (&like[..n], &length[..n], &mut self.squares[first..][..n]);
+        for i in 0..n {
+            let weight = weights[i] * like[i];
+            squares[i] += weight * (weight * counted(length[i], most));
+        }
+    }
+
+    /// The variance of the filtered luminance. `part`: one over the sum of the weights of the mean; `own`: the centres' weights
+    /// in it; `light`: their luminance.
     #[inline(always)]
     pub fn finish(
         &self,
         (part, share, frames): (&[f32], &[f32], &[f32]),
+        own: &[f32],
         depth: &[f32],
         light: &[f32],
         out: &mut [f32],
     ) {
         let n = out.len();
         let (part, share, frames) = (&part[..n], &share[..n], &frames[..n]);
-        let (depth, light) = (&depth[..n], &light[..n]);
+        let (own, depth, light) = (&own[..n], &depth[..n], &light[..n]);
         let [edges, edge_squares] = self.edges.each_ref().map(|v| &v[..n]);
         let [m0, m1, m2] = self.moments.each_ref().map(|v| &v[..n]);
         let squares = &self.squares[..n];
@@ -130,7 +142,7 @@ impl Spread {
             let known = count >= LEAST_NEIGHBOURS;
             let unbiased = count / if known { count - 1.0 } else { 1.0 };
             let of_a_frame = if known { spread / edges[i] * unbiased } else { frames[i] * (light[i] * light[i]) };
-            let sum = of_a_frame * (frames[i] + share[i] * share[i] * squares[i]);
+            let sum = of_a_frame * (own[i] * (own[i] / frames[i]) + share[i] * share[i] * squares[i]);
             out[i] = if depth[i] < f32::INFINITY { sum * part[i] * part[i] } else { light[i] * light[i] };
         }
     }
@@ -144,6 +156,36 @@ pub(crate) fn refuse(weights: &mut [f32], light: (&[f32], &[f32]), noise: (&[f32
     let (vq, vp) = (&noise.0[..n], &noise.1[..n]);
     for i in 0..n {
         weights[i] *= stop(lp[i], lq[i], vp[i] + vq[i], squared);
+    }
+}
+
+/// The first level's luminance stop of a tap, in `like`; luminances and frames of the taps and of the centres, `squared`: of the contrast.
+#[inline(always)]
+pub(crate) fn alike(
+    like: &mut [f32],
+    light: (&[f32], &[f32]),
+    (length, frames): (&[f32], &[f32]),
+    most: f32,
+    squared: f32,
+) {
+    let n = like.len();
+    let (lq, lp) = (&light.0[..n], &light.1[..n]);
+    let (length, frames) = (&length[..n], &frames[..n]);
+    for i in 0..n {
+        let variance = prior((lp[i], frames[i]), (lq[i], counted(length[i], most)));
+        like[i] = stop(lp[i], lq[i], variance, squared);
+    }
+}
+
+/// Leaves of a tap's weights what is alike; `refused` takes the rest, the centres' part of it.
+#[inline(always)]
+pub(crate) fn divide(weights: &mut [f32], like: &[f32], refused: &mut [f32]) {
+    let n = weights.len();
+    let (like, refused) = (&like[..n], &mut refused[..n]);
+    for i in 0..n {
+        let left = weights[i] * like[i];
+        refused[i] += weights[i] - left;
+        weights[i] = left;
     }
 }
 

@@ -1,6 +1,6 @@
 //! The specification of the filter of young history.
 
-use super::{LEAST_NEIGHBOURS, Lobe, counted, ends, fade, step_px, stop};
+use super::{LEAST_NEIGHBOURS, Lobe, contrast, counted, ends, fade, prior, step_px, stop};
 use crate::border::Guides;
 use crate::frame::{Rgb, Signal};
 use crate::kernels::edge::EdgeStops;
@@ -37,6 +37,8 @@ struct Tap {
     edge: f64,
     /// Its weight in the mean.
     weight: f64,
+    /// What the first luminance stop took from its weight: the centre's own light stands in for it.
+    refused: f64,
 }
 
 /// Runs a level on the whole image.
@@ -54,10 +56,13 @@ pub fn run(input: Input<'_>, guides: &Guides, settings: &Settings, signal: Signa
     let light = |(x, y): (usize, usize)| luminance(input.planes[0].at(x, y));
     let squared = young.deviations * young.deviations;
     let noise = input.noise.filter(|_| level > 0 && squared > 0.0);
+    let contrast = contrast(young, signal);
+    let first = (level == 0 && contrast > 0.0).then_some(contrast * contrast);
+    let length = |(x, y): (usize, usize)| counted(input.length.at(x, y), young.frames);
     // The taps, the centre first; none: background.
     let taps = |x: usize, y: usize| -> (f32, Vec<Tap>) {
         let p = guides.surface(x, y);
-        let mut taps = vec![Tap { at: (x, y), edge: 1.0, weight: frames((x, y)) }];
+        let mut taps = vec![Tap { at: (x, y), edge: 1.0, weight: frames((x, y)), refused: 0.0 }];
         if !p.view_depth.is_finite() {
             return (0.0, taps);
         }
@@ -72,10 +77,18 @@ pub fn run(input: Input<'_>, guides: &Guides, settings: &Settings, signal: Signa
             let (qx, qy) = (qx as usize, qy as usize);
             let (origin, direction) = guides.ray(qx, qy);
             let edge = stops.weight(&p, &guides.surface(qx, qy), origin, direction, pixel_size);
-            let like = noise.map_or(1.0, |v| stop(light((x, y)), light((qx, qy)), v.at(x, y) + v.at(qx, qy), squared));
-            let weight = f64::from(share * edge * like) * frames((qx, qy));
-            taps.push(Tap { at: (qx, qy), edge: f64::from(edge), weight });
+            let (own, there) = (light((x, y)), light((qx, qy)));
+            let like = match (noise, first) {
+                (Some(noise), _) => stop(own, there, noise.at(x, y) + noise.at(qx, qy), squared),
+                (None, Some(first)) => stop(own, there, prior((own, length((x, y))), (there, length((qx, qy)))), first),
+                (None, None) => 1.0,
+            };
+            let whole = f64::from(share * edge) * frames((qx, qy));
+            let weight = whole * f64::from(like);
+            let refused = if first.is_some() { whole - weight } else { 0.0 };
+            taps.push(Tap { at: (qx, qy), edge: f64::from(edge), weight, refused });
         }
+        taps[0].weight += taps.iter().map(|tap| tap.refused).sum::<f64>();
         (share, taps)
     };
     let mean = |plane: &Plane<Rgb>, x: usize, y: usize| {

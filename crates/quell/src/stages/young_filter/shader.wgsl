@@ -29,17 +29,24 @@ fn young_lobe(pixel: vec2i, gain: f32, step: i32) -> f32 {
     return min((gain * (roughness * roughness) + settings.young.least_lobe) / f32(step), 1.0);
 }
 
-// The luminance stop between two means of luminance, from the sum of their noise's variances.
-fn young_stop(p: f32, q: f32, variance: f32) -> f32 {
+// The luminance stop between two means of luminance, from the sum of their noise's variances and the deviations that it allows.
+fn young_stop(p: f32, q: f32, variance: f32, deviations: f32) -> f32 {
     let off = p - q;
     let least = YOUNG_SAME_LIGHT * (p + q);
-    let most = settings.young.deviations * settings.young.deviations * variance + least * least;
+    let most = deviations * deviations * variance + least * least;
     let left = max(1.0 - off * off / (most + YOUNG_LEAST_VARIANCE), 0.0);
     return left * left;
 }
 
-// A level whose taps lie `step` pixels apart, at one pixel. The first finds the noise, also where it filters nothing.
-fn young_filter(pixel: vec2i, stops: EdgeStops, step: i32, share: f32) -> Young {
+// The variance of the difference of two luminances over the squared contrast, by their frames: all that the first level knows.
+fn young_prior(p: f32, p_frames: f32, q: f32, q_frames: f32) -> f32 {
+    let mean = 0.5 * (p + q);
+    return mean * mean * ((p_frames + q_frames) / (p_frames * q_frames));
+}
+
+// A level whose taps lie `step` pixels apart, at one pixel. The first finds the noise, also where it filters nothing,
+// and stops by `contrast`, where that is above 0.
+fn young_filter(pixel: vec2i, stops: EdgeStops, step: i32, share: f32, contrast: f32) -> Young {
     let own = young_light(pixel);
     let centre = young_colour(pixel, own);
     let p = surface_of(pixel);
@@ -52,8 +59,10 @@ fn young_filter(pixel: vec2i, stops: EdgeStops, step: i32, share: f32) -> Young 
     let pixel_size = pixel_size_at(frame.view, p.view_depth);
     let frames = young_frames(pixel);
     var total = frames;
-    var sum = total * centre;
-    var varied = total * total * own.w * own.w;
+    // What the first stop refuses: the pixel's own light stands in for it.
+    var refused = 0.0;
+    var sum = frames * centre;
+    var varied = frames * frames * own.w * own.w;
     // Sums of edge weights w and w^2; of w N times 1, x and x^2, x the difference in luminance to the centre; of w^2 N.
     var edges = vec2f(1.0);
     var moments = vec3f(frames, 0.0, 0.0);
@@ -72,15 +81,24 @@ fn young_filter(pixel: vec2i, stops: EdgeStops, step: i32, share: f32) -> Young 
             }
             let there = young_light(q);
             let counted = young_frames(q);
-            var w = share * edge * counted;
+            let light_there = luminance(there.xyz);
+            let whole = share * edge * counted;
+            var like = 1.0;
+            if step == 1 {
+                if contrast > 0.0 {
+                    like = young_stop(light, light_there, young_prior(light, frames, light_there, counted), contrast);
+                    refused += whole * (1.0 - like);
+                }
+            } else if has_stop {
+                like = young_stop(light, light_there, own.w * own.w + there.w * there.w, settings.young.deviations);
+            }
             if finds {
-                let x = luminance(there.xyz) - light;
+                let x = light_there - light;
                 edges += vec2f(edge, edge * edge);
                 moments += edge * counted * vec3f(1.0, x, x * x);
-                squares += edge * edge * counted;
-            } else if has_stop {
-                w *= young_stop(light, luminance(there.xyz), own.w * own.w + there.w * there.w);
+                squares += (edge * like) * (edge * like) * counted;
             }
+            let w = whole * like;
             if w > 0.0 {
                 sum += w * young_colour(q, there);
                 total += w;
@@ -88,6 +106,8 @@ fn young_filter(pixel: vec2i, stops: EdgeStops, step: i32, share: f32) -> Young 
             }
         }
     }
+    total += refused;
+    sum += refused * centre;
     if finds {
         let count = edges.x * edges.x / edges.y;
         let spread = max(moments.z - moments.y * moments.y / moments.x, 0.0);
@@ -95,7 +115,8 @@ fn young_filter(pixel: vec2i, stops: EdgeStops, step: i32, share: f32) -> Young 
         if count >= YOUNG_LEAST_NEIGHBOURS {
             of_a_frame = spread / edges.x * (count / (count - 1.0));
         }
-        varied = of_a_frame * (frames + share * share * squares);
+        let own_weight = frames + refused;
+        varied = of_a_frame * (own_weight * own_weight / frames + share * share * squares);
     }
     return Young(sum / total, sqrt(varied) / total);
 }

@@ -185,6 +185,11 @@ const YOUNG_STAYS: &[(&str, &str)] = &[
 const YOUNG_MATURE: &[(&str, &str)] =
     &[("young_filter.deviations", "4"), ("young_filter.frames", "1.5"), ("disocclusion.enabled", "off")];
 
+/// A first level that stops by contrast, alone and where it finds the noise.
+const YOUNG_CONTRAST: &[(&str, &str)] = &[("young_filter.matte_contrast", "2")];
+const YOUNG_GLOSSY_CONTRAST: &[(&str, &str)] =
+    &[("young_filter.glossy_contrast", "1.5"), ("young_filter.deviations", "3"), ("young_filter.least_lobe", "2")];
+
 /// Light that is looked at closely: nearly every difference between the means counts, and part of history stays.
 const CHANGED: &[(&str, &str)] = &[
     ("changed_light.matte", "on"),
@@ -232,6 +237,10 @@ pub const CASES: &[Case] = &[
     case("young 9, stop, kept", WEIGHTS, &[("young_filter.deviations", "2")], |i, s| i.young(Signal::Matte, 2, s)),
     case("young glossy 1, stop", WEIGHTS, YOUNG_GLOSSY, |i, s| i.young(Signal::Glossy, 0, s)),
     case("young glossy 3, stop", WEIGHTS, YOUNG_GLOSSY, |i, s| i.young(Signal::Glossy, 1, s)),
+    case("young 1, contrast", WEIGHTS, YOUNG_CONTRAST, |i, s| i.young(Signal::Matte, 0, s)),
+    case("young glossy 1, contrast", WEIGHTS, YOUNG_GLOSSY_CONTRAST, |i, s| i.young(Signal::Glossy, 0, s)),
+    case("young 1, joint", WEIGHTS, YOUNG_CONTRAST, |i, s| i.young_joint(Signal::Matte, 0, s)),
+    case("young glossy 1, joint", WEIGHTS, YOUNG_GLOSSY_CONTRAST, |i, s| i.young_joint(Signal::Glossy, 0, s)),
     case("young 3, joint", WEIGHTS, &[("young_filter.deviations", "3")], |i, s| i.young_joint(Signal::Matte, 1, s)),
     case("young 9, joint", WEIGHTS, &[("young_filter.deviations", "3")], |i, s| i.young_joint(Signal::Matte, 2, s)),
     case("young glossy 3, joint", WEIGHTS, YOUNG_GLOSSY, |i, s| i.young_joint(Signal::Glossy, 1, s)),
@@ -446,11 +455,12 @@ pub const PLANTED: &[(&str, &str, &str)] = &[
     ("7", "sum += w * sparse_input(q);", "sum += w * sparse_input(pixel);"),
     ("young 1", "min(young_length(pixel), settings.young.frames)", "young_length(pixel)"),
     ("young 1", "(1.0 / (end - 1.0))", "(1.0 / end)"),
-    ("young 3", "var sum = total * centre;", "var sum = centre;"),
-    ("young 3", "var w = share * edge * counted;", "var w = share * edge;"),
+    ("young 3", "var sum = frames * centre;", "var sum = centre;"),
+    ("young 3", "let whole = share * edge * counted;", "let whole = share * edge;"),
     ("young 1, stop", "(count / (count - 1.0))", "1.0"),
     ("young 1, stop", "- moments.y * moments.y / moments.x", ""),
-    ("young 1, stop", "(frames + share * share * squares)", "frames"),
+    ("young 1, stop", "own_weight * own_weight / frames + share * share * squares", "own_weight * own_weight / frames"),
+    ("young glossy 1, contrast", "let own_weight = frames + refused;", "let own_weight = frames;"),
     ("young 1, stop", "edges += vec2f(edge, edge * edge);", "edges += vec2f(edge, edge);"),
     (
         "young 1, stop, mature",
@@ -461,7 +471,14 @@ pub const PLANTED: &[(&str, &str, &str)] = &[
     ("young 3, stop", "return left * left;", "return left;"),
     ("young 3, stop", "own.w * own.w + there.w * there.w", "own.w * own.w"),
     ("young 3, stop", "varied += w * w * there.w * there.w;", "varied += w * there.w * there.w;"),
-    ("young 9, stop", "settings.young.deviations * settings.young.deviations", "settings.young.deviations"),
+    ("young 9, stop", "deviations * deviations * variance", "deviations * variance"),
+    ("young 1, contrast", "let mean = 0.5 * (p + q);", "let mean = p;"),
+    ("young 1, contrast", "(p_frames + q_frames) / (p_frames * q_frames)", "2.0 / p_frames"),
+    ("young 1, joint", "let w = whole * like;", "let w = whole;"),
+    ("young 1, contrast", "sum += refused * centre;", ""),
+    ("young 1, contrast", "total += refused;", ""),
+    ("young glossy 1, contrast", "(edge * like) * (edge * like) * counted", "edge * edge * counted"),
+    ("young glossy 1, joint", "settings.young.glossy_contrast", "settings.young.matte_contrast"),
     ("young glossy 3, stop", "let least = YOUNG_SAME_LIGHT * (p + q);", "let least = 0.3 * (p + q);"),
     ("young glossy 1", "gain * (roughness * roughness)", "gain * roughness"),
     ("5", "k = max(k, 1.0 - confidence_at", "k = min(k, 1.0 - confidence_at"),

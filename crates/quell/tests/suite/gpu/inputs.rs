@@ -275,14 +275,16 @@ impl Inputs {
         job
     }
 
-    /// Level 1 or 2 for a plane tied to a signal.
+    /// A level for a plane tied to a signal.
     pub fn young_joint(&self, signal: Signal, level: u32, settings: &Settings) -> Job {
         let inputs = self.young_inputs(signal, level, settings);
         let filtered = self.young_filtered(&inputs, settings, (signal, level));
         let (planes, temporal, fourth) = inputs;
         let pass = match (signal, level) {
+            (Signal::Matte, 0) => Pass::MATTE_YOUNG_1_JOINT,
             (Signal::Matte, 1) => Pass::MATTE_YOUNG_3_JOINT,
             (Signal::Matte, _) => Pass::MATTE_YOUNG_9_JOINT,
+            (Signal::Glossy, 0) => Pass::GLOSSY_YOUNG_1_JOINT,
             (Signal::Glossy, 1) => Pass::GLOSSY_YOUNG_3_JOINT,
             (Signal::Glossy, _) => Pass::GLOSSY_YOUNG_9_JOINT,
         };
