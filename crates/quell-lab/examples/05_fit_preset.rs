@@ -1,11 +1,14 @@
 //! Fits parameters of the real-time filter by coordinate search (docs/quality.md, "Fitted anew"):
 //! `cargo run --release -p quell-lab --example 05_fit_preset -- on=SEQUENCE,... base=quell:quality [sweeps=3] NAME=BEGIN:STEP:LEAST:MOST...`
 //!
-//! A sequence is `SCENE:CAMERA:SEED[:WIDTHxHEIGHT[:SAMPLES[:LAST]]]`, of built-in scenes: 160x90, references of 2 x 128 samples, frames 0 to
-//! 23 without them; with another last frame the last two are scored, else frames 1, 2, 6 and 18, 22, 23. Steps above 1 are factors, others
-//! differences; each sweep halves them. References are kept in the cache (`cache=FOLDER`). Without parameters, the methods of
-//! `methods=NAME,...` are scored, a line a sequence and, for each phase: HDR-FLIP, relMSE, error of means over 7x7 in thousandths,
-//! energy, boiling in ten-thousandths, flicker in thousandths; errors and changes without the references' own noise.
+//! A sequence is `SCENE:CAMERA:SEED[:WIDTHxHEIGHT[:SAMPLES[:LAST]]]`, of built-in scenes; what is empty or left out is 160x90, references of
+//! 2 x 128 samples, and frames 0 to 23, of which 1, 2, 6 and 18, 22, 23 are scored. With another last frame the last two are. `on` is
+//! `glossy-room:1:0,mirror-hall:1:0` where it is left out. Steps above 1 are factors, others differences; after each sweep differences are
+//! halved, of factors the root is taken. References are kept in the cache (`cache=FOLDER`).
+//!
+//! Without parameters, the methods of `methods=NAME,...` are scored, else `base`: a line a sequence and, for each phase, HDR-FLIP, trimmed relMSE, trimmed error
+//! of means over 7x7 in thousandths, energy, boiling in ten-thousandths, flicker in thousandths. Errors and changes are without the references'
+//! own noise; HDR-FLIP holds it.
 
 use quell::{Plane, Rgb, Size};
 use quell_lab::cache::Cache;
@@ -26,7 +29,7 @@ type Failure = Box<dyn Error + Send + Sync>;
 const RADIUS: usize = 3;
 /// Least gain for which a step is kept.
 const LEAST_GAIN: f64 = 1e-4;
-/// Energy may be off by so much; beyond it costs `ENERGY_COST` times the rest.
+/// Energy may be off by so much; what is beyond costs `ENERGY_COST` times as much.
 const ENERGY_ROOM: f64 = 0.01;
 const ENERGY_COST: f64 = 5.0;
 
@@ -67,6 +70,9 @@ impl Trained {
         let part = |i: usize, default: &'static str| parts.get(i).copied().filter(|p| !p.is_empty()).unwrap_or(default);
         let (width, height) = part(3, "160x90").split_once('x').ok_or("the size is WIDTHxHEIGHT")?;
         let last: i64 = part(5, "23").parse()?;
+        if last < 1 {
+            return Err(format!("{name}: the last frame is 1 or later").into());
+        }
         let phases = if last == 23 { vec![vec![1, 2, 6], vec![18, 22, 23]] } else { vec![vec![last - 1, last]] };
         let scene = builtin(scene)?;
         let size = Size::new(width.parse()?, height.parse()?);
@@ -192,6 +198,9 @@ impl Parameter {
         let (name, values) = text.split_once('=').ok_or("NAME=BEGIN:STEP:LEAST:MOST")?;
         let values = values.split(':').map(str::parse).collect::<Result<Vec<f64>, _>>()?;
         let [value, step, least, most] = values[..] else { return Err(format!("{text}: four numbers").into()) };
+        if !(step > 0.0 && least <= value && value <= most && (step <= 1.0 || value > 0.0)) {
+            return Err(format!("{text}: a step above 0, a beginning within the range, above 0 for factors").into());
+        }
         Ok(Self { name: name.to_owned(), value, step, range: [least, most] })
     }
 
@@ -240,7 +249,7 @@ impl Fit {
             self.parameters[index].value = new;
             let cost = self.cost()?;
             println!("{} {old:.5} to {new:.5}: {:+.5}", self.parameters[index].name, cost - *best);
-            if cost >= *best - LEAST_GAIN {
+            if cost.is_nan() || cost >= *best - LEAST_GAIN {
                 self.parameters[index].value = old;
                 return Ok(gained);
             }
@@ -266,6 +275,11 @@ impl Fit {
 
 fn main() -> Result<(), Failure> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
+    let known = ["on", "cache", "base", "sweeps", "methods"];
+    let is_known = |a: &&String| a.split('=').next().is_some_and(|key| key.contains('.') || known.contains(&key));
+    if let Some(unknown) = arguments.iter().find(|a| !is_known(a)) {
+        return Err(format!("{unknown}: not one of {known:?}, nor a parameter").into());
+    }
     let option = |key: &str| arguments.iter().find_map(|a| a.strip_prefix(key)?.strip_prefix('='));
     let cache = option("cache").map(Cache::at).or_else(Cache::default_place).ok_or("cache=FOLDER")?;
     let names = option("on").unwrap_or("glossy-room:1:0,mirror-hall:1:0");

@@ -228,7 +228,7 @@ parameters! {
         deviations: f32 = 0.0, 0.0..=64.0, "standard deviations of the noise", "From the second level on, a neighbour whose luminance differs by as much counts nothing; 0: no such stop.",
             higher "Smoother, flatter.", lower "Contact shadows and soft edges of light stay, and some noise.",
             source "ours: `docs/quality.md`; a luminance stop that knows the noise: SVGF (Schied et al. 2017) 4.3";
-        matte_contrast: f32 = 0.0, 0.0..=64.0, "of the mean, for one frame", "Matte only, first level: a neighbour whose luminance differs by this times the pair's mean and the root of 1 / N_p + 1 / N_q counts nothing; 0: no such stop.",
+        matte_contrast: f32 = 0.0, 0.0..=64.0, "of the mean, for one frame", "Matte only, first level: a neighbour whose luminance differs by this times the pair's mean and the root of 1 / N_p + 1 / N_q counts nothing (which none does before half its square in frames), others less; 0: no such stop.",
             higher "Fireflies spread, shadows are flatter.", lower "Sparse light is not smoothed, and loses energy to stage 6.",
             source "ours: `docs/quality.md`";
         glossy_contrast: f32 = 0.0, 0.0..=64.0, "of the mean, for one frame", "The same for the glossy signal.",

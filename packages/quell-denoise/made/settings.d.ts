@@ -74,7 +74,7 @@ export interface Settings {
   "young_filter.least_lobe"?: number;
   /** From the second level on, a neighbour whose luminance differs by as much counts nothing; 0: no such stop. From 0 to 64, standard deviations of the noise. Default: 0. */
   "young_filter.deviations"?: number;
-  /** Matte only, first level: a neighbour whose luminance differs by this times the pair's mean and the root of 1 / N_p + 1 / N_q counts nothing; 0: no such stop. From 0 to 64, of the mean, for one frame. Default: 0. */
+  /** Matte only, first level: a neighbour whose luminance differs by this times the pair's mean and the root of 1 / N_p + 1 / N_q counts nothing (which none does before half its square in frames), others less; 0: no such stop. From 0 to 64, of the mean, for one frame. Default: 0. */
   "young_filter.matte_contrast"?: number;
   /** The same for the glossy signal. From 0 to 64, of the mean, for one frame. Default: 0. */
   "young_filter.glossy_contrast"?: number;

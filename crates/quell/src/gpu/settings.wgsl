@@ -64,7 +64,7 @@ struct YoungSettings {
     glossy_end_9: f32,
     lobe: f32,
     least_lobe: f32,
-    // Of the luminance stop; 0: none.
+    // Of the luminance stop from the second level on; 0: none.
     deviations: f32,
     // Of the first level's luminance stop; 0: none.
     matte_contrast: f32,

@@ -37,7 +37,7 @@ pub(crate) struct Filter<'a> {
     pub squared: f32,
     /// Squared contrast of the first level's luminance stop; 0: none, and on other levels.
     pub first: f32,
-    /// The variance of luminance, in phase order, as the level before left it; `None`: no luminance stop.
+    /// The variance of luminance, in phase order, as the level before left it; `None`: level 0, or `deviations` is 0.
     pub noise: Option<&'a [f32]>,
 }
 

@@ -7,8 +7,8 @@
 //! | reach | 3^i pixels in level i, i = 0, 1, 2 |
 //! | equation | out = (N_p c_p + sum_q s w_pq N_q c_q) / (N_p + sum_q s w_pq N_q) over the eight q whose offsets are -3^i, 0 or 3^i along both axes |
 //! | edge stops | w_pq of `kernels/edge.rs`, for the glossy signal with gloss |
-//! | first luminance stop | at level 0, where the signal's contrast C (`matte_contrast`, `glossy_contrast`) is above 0: w_pq times max(0, 1 - (l_p - l_q)^2 / (C^2 m^2 (1 / N_p + 1 / N_q) + e^2 (l_p + l_q)^2))^2, m = (l_p + l_q) / 2; what it takes from a neighbour's weight goes to c_p |
-//! | luminance stop | from level 1 on, where `deviations` K is above 0: w_pq times max(0, 1 - (l_p - l_q)^2 / (K^2 (v_p + v_q) + e^2 (l_p + l_q)^2))^2 (Tukey's biweight), l the input's luminance, v its noise's variance, e = 0.004 |
+//! | first luminance stop | at level 0, where the signal's contrast C (`matte_contrast`, `glossy_contrast`) is above 0: w_pq times max(0, 1 - (l_p - l_q)^2 / (C^2 m^2 (1 / N_p + 1 / N_q) + e^2 (l_p + l_q)^2))^2, l the input's luminance, m = (l_p + l_q) / 2, e = 0.004; what it takes from a neighbour's weight goes to c_p |
+//! | luminance stop | from level 1 on, where `deviations` K is above 0: w_pq times max(0, 1 - (l_p - l_q)^2 / (K^2 (v_p + v_q) + e^2 (l_p + l_q)^2))^2 (Tukey's biweight), v the variance of l's noise |
 //! | noise | v' = sum_q u_q^2 v_q / (sum_q u_q)^2, u the weights of the mean; at level 0 v_q = S / N_q, S the variance of one frame's light: (n / (n - 1)) sum_q w_q N_q (l_q - m)^2 / sum_q w_q, m the mean of l with weights w N, n = (sum w)^2 / sum w^2, w here without the first stop; N_p l_p^2 where n is under 1.5 |
 //! | fade | s = clamp((F_i - N_p) / (F_i - 1), 0, 1), F_i = `frames` `falloff`^i (matte with `matte_stays`: 1e9); glossy: times min(1, (`lobe` r + `least_lobe`) / 3^i), r = 2 roughness^2 f, f the focal length in pixels |
 //! | source | ours; levels of sparse taps: Dammertz et al. (HPG 2010); a filter in space for short histories: SVGF (Schied et al., HPG 2017) 4.2; a luminance stop that knows the noise: SVGF 4.3 |
@@ -17,11 +17,11 @@
 //! A mean of N frames has an N-th of the variance of one: neighbours count by their own N, at most `frames`, so that what has
 //! just been uncovered takes its light from what has long been seen. The pixels of level i + 1 lie as far apart as those of level i
 //! reach, so that three levels together are a mean over 27x27 pixels without gaps: no two of a level's inputs share a pixel, their noise is
-//! independent, and the variance of their difference is the sum of theirs. Level 0 finds the noise, and cannot stop by it: its own stop takes
-//! a frame's light to have a deviation of `contrast` / K of its mean, and closes as N grows, so that a lamp in a mirror stays out of the pixels
-//! beside it, and a firefly out of all that surrounds it. What is refused, the pixel's own light stands in for: between pixels of equal
+//! independent, and the variance of their difference is the sum of theirs. Level 0 finds the noise, and cannot stop by it: its own stop goes
+//! by the pair's mean, and closes as N grows. It takes little from young pixels, and nothing wholly before N = C^2 / 2 frames, since two luminances differ by twice
+//! their mean at most; then a lamp in a mirror stays out of the pixels beside it, and what is left of a firefly out of its surroundings. What is refused, the pixel's own light stands in for: between pixels of equal
 //! frames and weights that is an exchange, which loses no light. Without the luminance stops weights come from feature buffers and
-//! lengths alone: the filter is linear in the light, and keeps its energy. The stop is even in both pixels: what is dark by chance
+//! lengths alone: the filter is linear in the light, and keeps its energy. Both stops are even in both pixels: what is dark by chance
 //! refuses what is bright no more than the other way round. Passes take the weights of the signal that they are tied to, and still add up.
 //! Radii are in pixels of any image, since so is the noise. Background passes through.
 
@@ -108,6 +108,11 @@ pub(crate) fn counted(length: f32, most: f32) -> f32 {
 
 /// Under this part of both luminances no difference counts: storage in halves rounds by a twentieth of it at most.
 pub(crate) const SAME_LIGHT: f32 = 0.004;
+/// Added to the variance of a difference: where both are black, nothing differs.
+pub(crate) const LEAST_VARIANCE: f32 = 1e-30;
+/// Neighbours, with the centre, from which a variance is known; fewer: the light itself is taken for its deviation.
+pub(crate) const LEAST_NEIGHBOURS: f32 = 1.5;
+
 /// The variance of the difference of two luminances over the squared contrast, by their frames: all that level 0 knows of the noise.
 #[inline(always)]
 pub(crate) fn prior((p, p_frames): (f32, f32), (q, q_frames): (f32, f32)) -> f32 {
@@ -123,12 +128,8 @@ pub(crate) fn contrast(s: &YoungFilter, signal: Signal) -> f32 {
     }
 }
 
-/// Added to the variance of a difference: where both are black, nothing differs.
-pub(crate) const LEAST_VARIANCE: f32 = 1e-30;
-/// Neighbours, with the centre, from which a variance is known; fewer: the light itself is taken for its deviation.
-pub(crate) const LEAST_NEIGHBOURS: f32 = 1.5;
-
-/// The luminance stop between two means of luminance, from the sum of their noise's variances; `squared`: of `deviations`.
+/// The luminance stop between two means of luminance, from the sum of their noise's variances; `squared`: of `deviations`, on
+/// level 0 of the contrast.
 #[inline(always)]
 pub(crate) fn stop(p: f32, q: f32, variance: f32, squared: f32) -> f32 {
     let (off, floor) = (p - q, SAME_LIGHT * (p + q));

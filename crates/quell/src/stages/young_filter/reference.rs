@@ -25,7 +25,7 @@ pub struct Input<'a> {
 pub struct Filtered {
     /// The signal, then its passes.
     pub planes: Vec<Plane<Rgb>>,
-    /// The variance of the signal's luminance; `None` without a luminance stop.
+    /// The variance of the signal's luminance; `None` where `deviations` is 0.
     pub noise: Option<Plane<f32>>,
 }
 
