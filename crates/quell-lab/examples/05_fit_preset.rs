@@ -29,6 +29,19 @@ type Failure = Box<dyn Error + Send + Sync>;
 const RADIUS: usize = 3;
 /// Least gain for which a step is kept.
 const LEAST_GAIN: f64 = 1e-4;
+/// What each logarithm counts in the cost: HDR-FLIP, error, error of window means, boiling, flicker.
+const COSTS: [f64; 5] = [0.5, 0.25, 0.15, 0.05, 0.08];
+/// Logarithms are taken of no less: products of two estimates may be 0, or below.
+const LEAST_ERROR: f64 = 1e-8;
+/// Of these many pixels the worst is left out of the error; of changes and window means, one of so many.
+const TRIMMED_OF: usize = 1000;
+const CHANGES_TRIMMED_OF: usize = 500;
+/// Relative errors count as this at most in window means: single bright pixels would be all that they show.
+const LARGEST: f64 = 4.0;
+/// Added to the truth under a difference of luminance, of the truth's mean.
+const DARK: f64 = 0.1;
+/// eps of relMSE, of the squared mean luminance, as in `quell_lab::metrics::rel_mse`.
+const EPSILON: f64 = 0.01;
 /// Energy may be off by so much; what is beyond costs `ENERGY_COST` times as much.
 const ENERGY_ROOM: f64 = 0.01;
 const ENERGY_COST: f64 = 5.0;
@@ -47,11 +60,8 @@ struct Score {
 impl Score {
     /// What is minimised, of one phase.
     fn cost(&self) -> f64 {
-        0.5 * self.flip.ln()
-            + 0.25 * self.error.max(1e-6).ln()
-            + 0.15 * self.wide_error.max(1e-7).ln()
-            + 0.05 * self.boiling.max(1e-8).ln()
-            + 0.08 * self.flicker.max(1e-7).ln()
+        let parts = [self.flip, self.error, self.wide_error, self.boiling, self.flicker];
+        parts.iter().zip(COSTS).map(|(part, cost)| cost * part.max(LEAST_ERROR).ln()).sum::<f64>()
             + ENERGY_COST * ((self.energy - 1.0).abs() - ENERGY_ROOM).max(0.0)
     }
 }
@@ -61,6 +71,16 @@ struct Trained {
     sequence: Sequence,
     exposures: Exposures,
     phases: Vec<Vec<i64>>,
+}
+
+/// The frame before, for what changes from frame to frame.
+struct Before<'a> {
+    number: i64,
+    truth: &'a Plane<Rgb>,
+    /// The truth's mean luminance.
+    brightness: f64,
+    /// Against both halves.
+    errors: [Vec<f64>; 2],
 }
 
 impl Trained {
@@ -109,8 +129,7 @@ impl Trained {
         let mut score = Score::default();
         let count = phase.len() as f64;
         let pairs = phase.windows(2).filter(|w| w[1] == w[0] + 1).count().max(1) as f64;
-        // The errors of the frame before against both halves, and its number.
-        let mut before: Option<(i64, [Vec<f64>; 2])> = None;
+        let mut before: Option<Before<'_>> = None;
         for number in phase {
             let reference = self.sequence.reference(*number).ok_or("no reference")?;
             let halves = reference.halves.as_ref().ok_or("no halves")?.each_ref().map(|half| &half.beauty);
@@ -120,15 +139,19 @@ impl Trained {
             score.error += trimmed_error(picture, truth, halves, brightness) / count;
             score.energy += mean_luminance(picture) / brightness / count;
             let errors = halves.map(|half| relative(picture, half, truth, brightness));
-            let windows = errors.each_ref().map(|e| window_means(e, truth.size()));
+            let bounded = |e: &f64| e.clamp(-LARGEST, LARGEST);
+            let windows =
+                errors.each_ref().map(|e| window_means(&e.iter().map(bounded).collect::<Vec<f64>>(), truth.size()));
             score.wide_error += trimmed_product(&windows) / count;
-            if let Some((_, last)) = before.take_if(|(last, _)| *last + 1 == *number) {
+            if let Some(last) = before.take_if(|last| last.number + 1 == *number) {
+                // Both frames over the truth of the first: what is divided by does not change.
+                let now = halves.map(|half| relative(picture, half, last.truth, last.brightness));
                 let changes: [Vec<f64>; 2] =
-                    std::array::from_fn(|h| errors[h].iter().zip(&last[h]).map(|(now, then)| now - then).collect());
+                    std::array::from_fn(|h| now[h].iter().zip(&last.errors[h]).map(|(now, then)| now - then).collect());
                 score.flicker += trimmed_product(&changes) / pairs;
                 score.boiling += trimmed_product(&changes.each_ref().map(|c| window_means(c, truth.size()))) / pairs;
             }
-            before = Some((*number, errors));
+            before = Some(Before { number: *number, truth, brightness, errors });
         }
         Ok(score)
     }
@@ -140,7 +163,7 @@ fn mean_luminance(plane: &Plane<Rgb>) -> f64 {
 
 /// relMSE without the references' noise: (D - A)(D - B) over R^2 + eps, without the 0.1 % of pixels that are farthest off.
 fn trimmed_error(d: &Plane<Rgb>, truth: &Plane<Rgb>, [a, b]: [&Plane<Rgb>; 2], brightness: f64) -> f64 {
-    let epsilon = 0.01 * brightness * brightness;
+    let epsilon = EPSILON * brightness * brightness;
     let mut terms: Vec<(f64, f64)> = (0..truth.data().len())
         .map(|i| {
             let (mut off, mut product) = (0.0, 0.0);
@@ -154,14 +177,14 @@ fn trimmed_error(d: &Plane<Rgb>, truth: &Plane<Rgb>, [a, b]: [&Plane<Rgb>; 2], b
         })
         .collect();
     terms.sort_by(|x, y| x.0.total_cmp(&y.0));
-    let kept = terms.len() - terms.len().div_ceil(1000);
+    let kept = terms.len() - terms.len().div_ceil(TRIMMED_OF);
     terms[..kept].iter().map(|t| t.1).sum::<f64>() / kept.max(1) as f64
 }
 
-/// Differences of luminance, over the truth's and a tenth of its mean.
+/// Differences of luminance, over the truth's and a part of its mean.
 fn relative(d: &Plane<Rgb>, half: &Plane<Rgb>, truth: &Plane<Rgb>, brightness: f64) -> Vec<f64> {
     let light = |c: &Rgb| f64::from(luminance(*c));
-    let of = |((d, half), truth): ((&Rgb, &Rgb), &Rgb)| (light(d) - light(half)) / (light(truth) + 0.1 * brightness);
+    let of = |((d, half), truth): ((&Rgb, &Rgb), &Rgb)| (light(d) - light(half)) / (light(truth) + DARK * brightness);
     d.data().iter().zip(half.data()).zip(truth.data()).map(of).collect()
 }
 
@@ -182,7 +205,7 @@ fn window_means(values: &[f64], size: Size) -> Vec<f64> {
 fn trimmed_product([a, b]: &[Vec<f64>; 2]) -> f64 {
     let mut products: Vec<f64> = a.iter().zip(b).map(|(a, b)| a * b).collect();
     products.sort_by(|x, y| x.abs().total_cmp(&y.abs()));
-    let kept = products.len() - products.len() / 500;
+    let kept = products.len() - products.len() / CHANGES_TRIMMED_OF;
     products[..kept].iter().sum::<f64>() / kept.max(1) as f64
 }
 
