@@ -9,7 +9,7 @@ fused multiply-add and no AVX-512, so that counts are those of that level on eve
 function and all that it calls took, in the whole run. Exit status 1 where a stage takes more than the margin (3 %) more than the file
 says, or is not found; a stage that takes less by as much is named, so that the file is written anew. Counts are of one version of the
 compiler: with another one, without valgrind, or on a processor without AVX2, nothing is compared (SKIPPED). Standard library only; about
-40 processor seconds.
+60 processor seconds.
 """
 import argparse
 import json
@@ -23,7 +23,7 @@ import tempfile
 FILE = os.path.join(os.path.dirname(os.path.abspath(__file__)), "instructions.json")
 
 # Arguments of `bench`; of each stage the function whose count is taken, which the compiler must not have inlined: those of the sequence filter
-# are entries of a table of pointers (cpu/sequence.rs), those of the paper's pipeline walk over rows, or do a row.
+# are entries of a table of pointers (cpu/sequence.rs), those of the real-time filter walk over rows, or do a row.
 RUNS = {
     "sequence": (
         ["--sequence", "--size", "128x48", "--count", "1"],
@@ -44,13 +44,22 @@ RUNS = {
         },
     ),
     "paper": (
-        ["--backend", "cpu", "--size", "320x180", "--count", "3"],
+        ["--preset", "paper", "--backend", "cpu", "--size", "320x180", "--count", "3"],
         {
             "all stages": "quell::cpu::Cpu::run",
             "temporal": "quell::cpu::passes::temporal::run",
             "firefly": "quell::cpu::passes::firefly::run::{{closure}}",
             "sparse_bilateral": "quell::cpu::passes::sparse_bilateral::run::{{closure}}",
             "glossy_bilateral": "quell::cpu::passes::glossy_bilateral::run::{{closure}}",
+        },
+    ),
+    "quality": (
+        ["--preset", "quality", "--backend", "cpu", "--size", "320x180", "--count", "3"],
+        {
+            "all stages": "quell::cpu::Cpu::run",
+            "changed_light": "quell::cpu::passes::change::run",
+            "temporal": "quell::cpu::passes::temporal::run",
+            "young_filter": "quell::cpu::passes::young_filter::run",
         },
     ),
 }

@@ -1,7 +1,7 @@
 // quell-denoise on the device of three.js' WebGPU renderer. three.js draws the G-buffer: emission, albedo, normals, velocity, depth. A small
 // path tracer adds one path a pixel, quell takes the noise out, three.js shows the picture.
 //
-// ?size=WxH; ?preset=quality; for scripts: ?frames=N stops after N frames under a moving camera (`window.state`, `picture()`), ?score=P compares the last with
+// ?size=WxH; ?preset=paper; for scripts: ?frames=N stops after N frames under a moving camera (`window.state`, `picture()`), ?score=P compares the last with
 // P paths a pixel, ?still leaves things where they are, ?readback draws to a 2D canvas: a browser that runs WebGPU in software may have no WebGPU canvas.
 
 import * as THREE from "three/webgpu";
@@ -119,7 +119,7 @@ async function run() {
   const depth = gpu(target.depthTexture);
 
   const tracer = new Tracer(device, [width, height]);
-  const preset = parameters.get("preset") ?? "paper";
+  const preset = parameters.get("preset") ?? "quality";
   const denoiser = await Denoiser.create(device, { width, height, preset, convention: "three" });
   const trace = (encoder, seed, paths) => {
     const buffer = { depth, normal, velocity };

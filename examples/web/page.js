@@ -1,6 +1,6 @@
 // The page: runs the frames of frames.json through the package quell-denoise, shows noisy | denoised, says how far the result lies from
-// the one that came with the frames. `?from=FOLDER/` names another folder than quell-shaders/; `?preset=quality` another preset than
-// `paper` (that of `quell shaders --preset`); `?program` takes the shaders and settings of that folder in place of the package's.
+// the one that came with the frames. `?from=FOLDER/` names another folder than quell-shaders/; `?preset=paper` another preset than
+// `quality` (that of `quell shaders --preset`); `?program` takes the shaders and settings of that folder in place of the package's.
 
 import { Denoiser, loadProgram } from "quell-denoise";
 import { BYTES, read, texels } from "./texels.js";

@@ -140,7 +140,7 @@ typedef struct quell_realtime_options {
     uint32_t width;
     uint32_t height;
     uint32_t threads;   /* 0: as many as the machine has */
-    const char *preset; /* "paper", "quality"; NULL: "paper" */
+    const char *preset; /* "quality", "paper" (as published in 2017); NULL: "quality" */
 } quell_realtime_options;
 
 /* The camera of a frame. World space is right-handed; clip space has x to the right, y up. */

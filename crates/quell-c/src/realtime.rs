@@ -164,7 +164,7 @@ fn create(options: *const quell_realtime_options) -> Result<Realtime, Failure> {
     if size.width == 0 || size.height == 0 || size.width > 1 << 16 || size.height > 1 << 16 {
         return Err(Failure::argument(format!("options: {size}; each extent must be 1 to 65536")));
     }
-    let preset: Preset = preset.as_deref().map_or(Ok(Preset::Paper), str::parse)?;
+    let preset: Preset = preset.as_deref().map_or(Ok(Preset::default()), str::parse)?;
     let denoiser = Denoiser::new(size, &Settings::preset(preset))?;
     Ok(Realtime { denoiser, pool: Pool::new(given.threads as usize)?, camera: None, output: None })
 }

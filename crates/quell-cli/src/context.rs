@@ -48,13 +48,13 @@ pub struct Context {
 }
 
 impl Context {
-    /// Reads the settings file, resolves names, checks that the report can be written.
-    pub fn new(common: &Common) -> Result<Self, Failure> {
+    /// Reads the settings file, resolves names, checks that the report can be written. `default`: the preset where none is asked for.
+    pub fn new(common: &Common, default: Preset) -> Result<Self, Failure> {
         let file = common.settings.as_deref().map(SettingsFile::read).transpose()?.unwrap_or_default();
         let preset_name = common.preset.as_deref().or(file.preset.as_deref());
         let preset = match preset_name {
             Some(name) => name.parse().map_err(|_| no_preset(name, "the real-time filter", real_time(), sequence()))?,
-            None => Preset::Paper,
+            None => default,
         };
         let mut settings = Settings::preset(preset);
         for (name, value) in &file.values {
@@ -105,7 +105,7 @@ impl Context {
             settings.set(&setting.name, &setting.value)?;
         }
         let plain = Common { preset: None, set: Vec::new(), settings: None, ..common.clone() };
-        let context = Self { sequence_preset, ..Self::new(&plain)? };
+        let context = Self { sequence_preset, ..Self::new(&plain, Preset::default())? };
         context.prefers_cpu();
         Ok((context, settings))
     }

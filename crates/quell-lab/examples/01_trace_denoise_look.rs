@@ -25,7 +25,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let options = RenderOptions::new(size);
 
     // Trace, denoise, keep pictures and files.
-    let mut denoiser = Denoiser::new(size, &Settings::preset(Preset::Paper))?;
+    let mut denoiser = Denoiser::new(size, &Settings::preset(Preset::Quality))?;
     let (mut noisy, mut denoised, mut depths, mut stages) = (vec![], vec![], vec![], vec![]);
     for index in 0..frames {
         let traced = Tracer::new(&scene, index, 1)?.render(&options, &Control::default())?.frame;

@@ -1,10 +1,10 @@
 //! What a frame is made with.
 
 use crate::baselines::BaselineConstants;
-use quell::Settings;
 use quell::gpu::DebugView;
 use quell::pipeline::Image;
 use quell::settings::ABLATIONS;
+use quell::{Preset, Settings};
 
 /// A picture beside others.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -134,7 +134,7 @@ pub struct Choice {
 impl Default for Choice {
     fn default() -> Self {
         Self {
-            settings: Settings::default(),
+            settings: Settings::preset(Preset::default()),
             ablations: vec![false; ABLATIONS.len()],
             tracing: Tracing::default(),
             stops: 0.0,

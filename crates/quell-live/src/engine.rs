@@ -9,7 +9,7 @@ use crate::error::LiveError;
 use crate::shot::PlanesShot;
 use crate::stage::Stage;
 use quell::gpu::{self, Channel, DebugTarget, DebugView, DebugViews, GuideTextures, Scalar, Signal, wgpu};
-use quell::{Camera, Settings, Size};
+use quell::{Camera, Preset, Settings, Size};
 use quell_trace::gpu::{Kernels, Planes, View};
 use quell_trace::{RenderOptions, jitter_of};
 use std::sync::Arc;
@@ -78,7 +78,7 @@ impl Engine {
     /// A size without pixels or beyond the device's limits.
     pub fn new(device: &wgpu::Device, queue: &wgpu::Queue, size: Size) -> Result<Self, LiveError> {
         check(device, size)?;
-        let settings = Settings::default();
+        let settings = Settings::preset(Preset::default());
         let mut options = gpu::Options::new(&settings);
         options.composite = true;
         options.timings = true;

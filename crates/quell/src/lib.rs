@@ -9,7 +9,7 @@
 //!
 //! let size = Size::new(64, 36);
 //! let camera = Camera::perspective([0.0, 0.0, 3.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0], 0.8, 64.0 / 36.0);
-//! let mut denoiser = Denoiser::new(size, &Settings::preset(Preset::Paper))?;
+//! let mut denoiser = Denoiser::new(size, &Settings::preset(Preset::Quality))?;
 //! for index in 0..3 {
 //!     let noisy = Plane::from_fn(size, |x, y| [((x * 7 + y * 13 + index * 5) % 11) as f32 * 0.1; 3]);
 //!     let depth = Plane::filled(size, 3.0);

@@ -12,12 +12,14 @@ use crate::parameter::{choices, parameters, preset_named};
 /// Rows at which radii in pixels are meant.
 pub const REFERENCE_ROWS: f32 = 720.0;
 
-/// A named set of parameter values.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+/// A named set of parameter values. The default is what programs run where nobody chooses; a parameter's own default, and with it
+/// [`Settings::default`], is the paper's.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Preset {
     /// The algorithm of 2017 as far as known; departures in `docs/paper.md`.
     Paper,
     /// Ours, on the paper's backbone: light of few frames is filtered in space by the history's length. `docs/quality.md`.
+    #[default]
     Quality,
 }
 

@@ -26,7 +26,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let renderer = Renderer::new()?;
     let (device, queue) = (&renderer.device, &renderer.queue);
 
-    let mut options = gpu::Options::new(&Settings::preset(Preset::Paper));
+    let mut options = gpu::Options::new(&Settings::preset(Preset::Quality));
     options.composite = true;
     let mut denoiser = gpu::Denoiser::new(device, SIZE, &options)?;
     for index in 0..FRAMES {

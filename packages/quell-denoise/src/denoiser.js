@@ -118,7 +118,7 @@ export class Denoiser {
     }
     denoiser.#isGiven = Boolean(program);
     denoiser.#jitter = jitter;
-    denoiser.#settings = changed(preset(options.preset ?? "paper"), options.settings ?? {});
+    denoiser.#settings = changed(preset(options.preset ?? "quality"), options.settings ?? {});
     denoiser.#program = program ?? builtIn(denoiser.#settings, denoiser.#signals, jitter);
     denoiser.#dispatches = await denoiser.#compiled(denoiser.#program);
     if (views) {

@@ -11,8 +11,8 @@ export interface DenoiserOptions {
   /** Rows. */
   height: number;
   /**
-   * Where settings start from. Default `"paper"`, the system of Mara et al. 2017; `"quality"` is smooth from the first frame on
-   * and costs more (docs/quality.md).
+   * Where settings start from. Default `"quality"`, smooth from the first frame on (docs/quality.md); `"paper"` is the system of
+   * Mara et al. 2017, which moves fewer bytes.
    */
   preset?: Preset;
   /** Parameters that differ from the preset's. */

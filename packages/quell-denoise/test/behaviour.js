@@ -104,7 +104,8 @@ export async function run(device) {
   await refused("views", () => Denoiser.create(device, { ...size, views: 1 }));
   await refused("Denoiser", () => new Denoiser());
 
-  const denoiser = await Denoiser.create(device, size);
+  // What follows changes settings of stages that `quality` leaves out.
+  const denoiser = await Denoiser.create(device, { ...size, preset: "paper" });
   const planes = [0, 1, 2].map((index) => textures(device, index));
   const frame = (index) => ({ index, camera: CAMERA, textures: planes[index] });
   /** Frames from the first on, each in its own submit; the last one's composite. */
@@ -230,8 +231,8 @@ export async function run(device) {
   }
   const target = device.createTexture({ size: [WIDTH, HEIGHT], format: "rgba8unorm", usage: STORAGE_BINDING | GPUTextureUsage.COPY_SRC });
   // Another preset is other settings, and nothing else.
-  const quality = await Denoiser.create(device, { ...size, preset: "quality" });
-  const asQuality = await Denoiser.create(device, size);
+  const quality = await Denoiser.create(device, size);
+  const asQuality = await Denoiser.create(device, { ...size, preset: "paper" });
   const { settings } = quality;
   await asQuality.configure(settings);
   const smooth = await through(quality);

@@ -77,7 +77,7 @@ pub fn run(context: &Context, args: BenchArgs) -> Result<(), Failure> {
         let stages = with_floors(&measured, &bandwidth, size);
         let sum = |f: &dyn Fn(&StageTime) -> Option<f64>| stages.iter().filter_map(f).sum::<f64>();
         // An empty sum of floats is -0.
-        let filters: f64 = 0.0 + sum(&|s| s.paper_stage.map(|_| s.milliseconds.median));
+        let filters: f64 = 0.0 + sum(&|s| is_filter(&s.name).then_some(s.milliseconds.median));
         let whole: f64 = sum(&|s| Some(s.milliseconds.median));
         text.push_str(&format!(
             "{size}, {} frames, back end {}, {}\n\n",
@@ -228,8 +228,14 @@ impl Measured {
     }
 }
 
+/// Stages 3 to 10, with what lies between them that the paper does not have.
 fn is_3_to_10(stage: Stage) -> bool {
-    paper_number(stage).is_some_and(|number| (3..=10).contains(&number))
+    !matches!(stage, Stage::DirectTaa | Stage::Composite)
+}
+
+/// The same with stage 11.
+fn is_filter(name: &str) -> bool {
+    Stage::ALL.into_iter().any(|stage| stage.name() == name && stage != Stage::Composite)
 }
 
 /// Denoises the frame again and again as if it were a sequence; the first are not counted.

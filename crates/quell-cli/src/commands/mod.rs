@@ -19,6 +19,7 @@ use crate::context::{Context, instruction_set};
 use crate::failure::Failure;
 use crate::{allocator, interrupt, output};
 use clap::CommandFactory;
+use quell::Preset;
 
 /// Five lines that start a newcomer.
 const WELCOME: &str = "\
@@ -61,7 +62,12 @@ pub fn run(cli: Cli) -> Result<(), Failure> {
             }
             other => other,
         };
-        let context = Context::new(&cli.common)?;
+        let preset = match command {
+            // It makes the figures of the paper.
+            Command::Reproduce(_) => Preset::Paper,
+            _ => Preset::default(),
+        };
+        let context = Context::new(&cli.common, preset)?;
         interrupt::install()?;
         match command {
             // Handled above: its settings are others.

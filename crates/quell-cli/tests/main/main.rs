@@ -229,7 +229,7 @@ fn render_writes_frames_a_page_and_scores() {
     let text = out(&output);
     let url = text.lines().last().expect("a last line");
     assert!(url.starts_with("file:///") && url.ends_with("my%20frames/index.html"), "{url}");
-    assert!(text.contains("noisy") && text.contains("quell:paper"), "{text}");
+    assert!(text.contains("noisy") && text.contains("quell:quality"), "{text}");
 
     for kind in ["noisy", "denoised"] {
         let expected: Vec<String> = (3..=5).map(|n| format!("{kind}.{n:04}.exr")).collect();
@@ -248,7 +248,7 @@ fn render_writes_frames_a_page_and_scores() {
     let report = std::fs::read_to_string(folder.0.join("report.json")).expect("the report");
     let report: Value = serde_json::from_str(&report).expect("JSON");
     assert_eq!(report["frames"].as_array().expect("a list").len(), 3);
-    assert_eq!(report["metrics"][1]["method"], "quell:paper");
+    assert_eq!(report["metrics"][1]["method"], "quell:quality");
     assert!(report["metrics"][1]["mean"]["energy"].is_number());
     assert!(report["stages"].as_array().expect("a list").iter().any(|s| s["paper_stage"] == 7));
     assert_eq!(report["machine"]["threads"], 2);

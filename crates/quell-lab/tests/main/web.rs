@@ -24,7 +24,7 @@ const SIZE: Size = Size::new(96, 54);
 const FRAMES: u32 = 4;
 const SCENE: &str = "glossy-room";
 /// The page, and where it looks for the files.
-const PAGE: &str = "examples/web/index.html";
+const PAGE: &str = "examples/web/index.html?preset=paper";
 const FOLDER: &str = "examples/web/quell-shaders";
 /// Address of the page that takes shaders and settings from the files in place of the package's.
 const GIVEN: &str = "examples/web/index.html?program";
@@ -141,7 +141,7 @@ fn native(settings: &Settings) -> Option<(String, Vec<f32>)> {
 fn of_quality(browser: &Browser) -> Vec<f32> {
     let settings = Settings::preset(Preset::Quality);
     let files = written(&told(&settings));
-    let [from_files, found] = [GIVEN, "examples/web/index.html?preset=quality"].map(|page| {
+    let [from_files, found] = [GIVEN, "examples/web/index.html"].map(|page| {
         let state = run(browser, page, &files);
         assert_eq!(state["failed"], Value::Null, "{state}");
         let last = &state["frames"][FRAMES as usize - 1]["outputs"]["composite"]["most"];

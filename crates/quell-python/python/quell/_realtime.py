@@ -74,13 +74,13 @@ class Denoised:
 
 
 class Denoiser:
-    """The real-time filter (Mara et al. 2017), with its history between calls.
+    """The real-time filter (after Mara et al. 2017), with its history between calls.
 
     Parameters
     ----------
     size : (height, width)
     preset, settings
-        `paper` or `quality` (smooth from the first frame on), and any parameter by name; see `quell.parameters("paper")`.
+        `quality` or `paper` (as published in 2017), and any parameter by name; see `quell.parameters("quality")`.
     backend, device, threads
         As for `quell.Sequence`.
     """
@@ -89,7 +89,7 @@ class Denoiser:
         self,
         size: tuple[int, int],
         *,
-        preset: str = "paper",
+        preset: str = "quality",
         settings: Mapping[str, Any] | None = None,
         backend: str = "cpu",
         device: str | None = None,

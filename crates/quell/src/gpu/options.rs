@@ -1,7 +1,7 @@
 //! What a GPU denoiser is made with.
 
 use super::storage::Storage;
-use crate::settings::Settings;
+use crate::settings::{Preset, Settings};
 
 /// Options of [`super::Denoiser::new`]; made by [`Options::new`], then changed field by field.
 #[derive(Clone, Debug)]
@@ -48,6 +48,6 @@ impl Options {
 
 impl Default for Options {
     fn default() -> Self {
-        Self::new(&Settings::default())
+        Self::new(&Settings::preset(Preset::default()))
     }
 }

@@ -31,7 +31,7 @@ use source::Source;
 use std::path::Path;
 
 /// What is compared by default, as far as this version has it and it runs on the frames.
-const USUAL: [&str; 7] = ["none", "temporal", "quell:paper", "atrous", "svgf", "nlm", "oidn:high"];
+const USUAL: [&str; 8] = ["none", "temporal", "quell:quality", "quell:paper", "atrous", "svgf", "nlm", "oidn:high"];
 
 pub fn run(context: &Context, args: CompareArgs) -> Result<(), Failure> {
     context.prefers_cpu();
