@@ -20,19 +20,21 @@ if (!quell) {
 }
 const here = new URL(".", import.meta.url);
 
-/** Presets of the real-time filter; the first is the default. */
+/** Presets of the real-time filter; of the first are the parameters' own defaults. */
 const PRESETS = ["paper", "quality"];
+
+const paper = (...options) => ["--preset", "paper", ...options];
 
 /** Options of `quell shaders` that together write every pass: fused, each alone, and those that can come first on the host's image. */
 const CHOICES = [
-  [],
-  ["--unfused"],
+  paper(),
+  paper("--unfused"),
   ["--preset", "quality"],
   // Stage 5's second image has a texture of its own where it is not fed back.
-  ["--set", "pipeline.feedback=temporal"],
+  paper("--set", "pipeline.feedback=temporal"),
   // Without history the first filter that is on reads the host's image.
   ...[[], ["matte_prefilter"], ["matte_prefilter", "firefly"]].map((off) => (
-    ["matte_temporal", "glossy_temporal", ...off].flatMap((stage) => ["--set", `${stage}.enabled=off`])
+    paper(...["matte_temporal", "glossy_temporal", ...off].flatMap((stage) => ["--set", `${stage}.enabled=off`]))
   )),
 ];
 

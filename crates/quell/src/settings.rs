@@ -236,6 +236,9 @@ parameters! {
         glossy_contrast: f32 = 0.0, 0.0..=64.0, "of the mean, for one frame", "The same for the glossy signal.",
             higher "Lamps in mirrors leak into the pixels beside them.", lower "Reflections are noisier at first.",
             source "ours: `docs/quality.md`";
+        isolated: f32 = 0.0, 0.0..=64.0, "frames", "First level: where none of the neighbours shows a pixel's surface, they count up to this many frames less its own history.",
+            higher "Wires and leaves take the light of what is around them while their history is short.", lower "They keep the noise of their few paths.",
+            source "ours: `docs/quality.md`";
     }
     /// The cross-bilateral weight that stages 4, 7, 9 and 10 share. Geometry only.
     edge: Edge {
@@ -421,6 +424,7 @@ impl Settings {
                 deviations: 4.5,
                 matte_contrast: 8.0,
                 glossy_contrast: 6.0,
+                isolated: 1.5,
             },
             changed_light: ChangedLight { matte: true, glossy: true, fast: 0.3, ..ChangedLight::default() },
             // Blades and wires find neighbours of their own surface.

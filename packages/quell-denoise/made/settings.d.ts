@@ -78,6 +78,8 @@ export interface Settings {
   "young_filter.matte_contrast"?: number;
   /** The same for the glossy signal. From 0 to 64, of the mean, for one frame. Default: 0. */
   "young_filter.glossy_contrast"?: number;
+  /** First level: where none of the neighbours shows a pixel's surface, they count up to this many frames less its own history. From 0 to 64, frames. Default: 0. */
+  "young_filter.isolated"?: number;
   /** Kz: fall of the weight with the distance in depth from the tangent plane. From 0 to 1000, per relative depth. Default: 5. */
   "edge.depth"?: number;
   /** Kn: fall of the weight with 1 - cosine^4 of the normals. From 0 to 100. Default: 1. */

@@ -69,6 +69,7 @@ struct YoungSettings {
     // Of the first level's luminance stop; 0: none.
     matte_contrast: f32,
     glossy_contrast: f32,
+    isolated: f32,
     // Pixels between the taps of the matte level that hands the confidence on; 0: none does.
     last: i32,
 }

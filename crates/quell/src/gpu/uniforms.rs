@@ -104,6 +104,7 @@ uniforms! {
         deviations: f32,
         matte_contrast: f32,
         glossy_contrast: f32,
+        isolated: f32,
         last: u32,
     }
 
@@ -439,6 +440,7 @@ fn young(settings: &Settings) -> Young {
         deviations: s.deviations,
         matte_contrast: s.matte_contrast,
         glossy_contrast: s.glossy_contrast,
+        isolated: s.isolated,
         last: young_filter::last_before_blend(settings).unwrap_or(0) as u32,
     }
 }

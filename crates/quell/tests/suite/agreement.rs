@@ -249,6 +249,35 @@ fn every_stage_alone_agrees() {
             WEIGHTS,
         ),
         (
+            "young, isolated",
+            [
+                TEMPORAL,
+                &[
+                    ("young_filter.matte", "on"),
+                    ("young_filter.isolated", "6"),
+                    ("young_filter.matte_contrast", "2"),
+                    ("young_filter.deviations", "3"),
+                    ("edge.normal", "4"),
+                ],
+            ]
+            .concat(),
+            WEIGHTS,
+        ),
+        (
+            "young glossy, isolated",
+            [
+                GLOSSY,
+                &[
+                    ("young_filter.glossy", "on"),
+                    ("young_filter.isolated", "3"),
+                    ("young_filter.least_lobe", "1"),
+                    ("edge.normal", "4"),
+                ],
+            ]
+            .concat(),
+            WEIGHTS,
+        ),
+        (
             "young glossy, contrast",
             [
                 GLOSSY,

@@ -195,6 +195,41 @@ fn what_was_uncovered_takes_light_from_what_is_known() {
 }
 
 #[test]
+fn what_stands_alone_takes_light_from_what_is_around() {
+    // Single pixels of other things on a wall, elsewhere in every frame: neither neighbours nor history show them.
+    let size = Size::new(64, 40);
+    let scene = wall(still, Noise::Sparse(0.1));
+    let alone = |x: usize, y: usize, i: i64| (x + 3 * y + 5 * i as usize).is_multiple_of(11);
+    // Mean of their light, its distance from the truth, and the mean of all.
+    let of_dots = |settings: &Settings, backend: Backend| {
+        let mut denoiser = Denoiser::with_backend(size, settings, backend).unwrap();
+        let (mut dots, mut whole) = (Vec::new(), 0.0);
+        for i in 0..40 {
+            let mut frame = scene.frame(size, i);
+            frame.surface_id = Some(Plane::from_fn(size, |x, y| if alone(x, y, i) { 100 + i as u32 } else { 1 }));
+            let matte = denoise(&mut denoiser, &frame).matte.unwrap();
+            if i >= 10 {
+                let places = (0..size.pixels()).map(|p| (p % size.width, p / size.width));
+                dots.extend(places.filter(|(x, y)| alone(*x, *y, i)).map(|(x, y)| f64::from(matte.at(x, y)[0])));
+                whole += mean(&matte) / 30.0;
+            }
+        }
+        let mean = dots.iter().sum::<f64>() / dots.len() as f64;
+        (mean, (dots.iter().map(|v| (v - 0.5).powi(2)).sum::<f64>() / dots.len() as f64).sqrt(), whole)
+    };
+    let settings = Settings::preset(Preset::Quality);
+    let mut without = settings.clone();
+    without.young_filter.isolated = 0.0;
+    for backend in BACKENDS {
+        let [(light, error, whole), (taken, before, _)] = [&settings, &without].map(|s| of_dots(s, backend));
+        println!("{light}, {error}; without {taken}, {before}; all {whole}");
+        assert!(error < 0.6 * before, "{error}; without {before}");
+        // Stage 6 takes what is bright and alone: without help, nearly all of it.
+        assert!((whole - 0.5).abs() < 0.015 && light > 0.38 && taken < 0.25, "{light}, {taken}; {whole}");
+    }
+}
+
+#[test]
 fn the_energy_test_sees_order_statistics_in_the_loop() {
     // Canary: what the defaults avoid. A median in the loop converges to the median of the noise, which is 0 here; the
     // box of raw noise, too.

@@ -13,7 +13,7 @@ use crate::simd::dispatch;
 use crate::stages::matte_prefilter::cpu::{gather, invert};
 use crate::stages::young_filter::Lobe;
 use crate::stages::young_filter::cpu::{
-    Spread, alike, by_frames, divide, finish, luminances, refuse, shares, varied, vary,
+    Others, Spread, alike, by_frames, divide, finish, lacking, luminances, refuse, shares, varied, vary,
 };
 use fearless_simd::Level;
 
@@ -37,6 +37,8 @@ pub(crate) struct Filter<'a> {
     pub squared: f32,
     /// Squared contrast of the first level's luminance stop; 0: none, and on other levels.
     pub first: f32,
+    /// Most frames that neighbours count for a pixel that has none of its own surface; 0 on other levels than the first.
+    pub isolated: f32,
     /// The variance of luminance, in phase order, as the level before left it; `None`: level 0, or `deviations` is 0.
     pub noise: Option<&'a [f32]>,
 }
@@ -83,6 +85,8 @@ struct Scratch {
     light: Run,
     light_there: Run,
     spread: Spread,
+    /// Sums of the edge weights of the taps, then what they lack to 1, for pixels whose neighbours of other surfaces count.
+    lack: Run,
     /// Variance of the centres, and the sum that becomes the variance of their means.
     noise: Run,
     varied: Run,
@@ -109,6 +113,7 @@ fn a_row<const PERSPECTIVE: bool, const GLOSS: bool>(
         light: zero,
         light_there: zero,
         spread: Spread::new(),
+        lack: zero,
         noise: zero,
         varied: zero,
     };
@@ -134,6 +139,7 @@ fn filter_run<const PERSPECTIVE: bool, const GLOSS: bool>(
     let Scratch { centres, taps, total, share, frames, own: own_weight, like, sums, .. } = scratch;
     let (light, light_there, spread) = (&mut scratch.light, &mut scratch.light_there, &mut scratch.spread);
     let (noise, varied_sums) = (&mut scratch.noise, &mut scratch.varied);
+    let lack = &mut scratch.lack;
     let guides = filter.guides;
     let width = phases.size.width;
     let view = &guides.now.view;
@@ -169,6 +175,10 @@ fn filter_run<const PERSPECTIVE: bool, const GLOSS: bool>(
     }
     let x = (PERIOD * first + phase) as f32;
     centres.fill(view, &filter.gains, &p, x + 0.5 + guides.now.jitter.x, y as f32 + 0.5 + guides.now.jitter.y);
+    let helps = filter.isolated > 0.0;
+    if helps {
+        lack[..n].fill(0.0);
+    }
     total[..n].copy_from_slice(&frames[..n]);
     own_weight[..n].copy_from_slice(&frames[..n]);
     let pieces = |(dx, dy): (i32, i32)| {
@@ -184,6 +194,9 @@ fn filter_run<const PERSPECTIVE: bool, const GLOSS: bool>(
             let geometry = Tap::new(view, piece.offset.0, piece.offset.1);
             weights::<PERSPECTIVE, GLOSS>(centres, piece.first, &q, &geometry, &filter.gains, of_tap);
             piece.mask(of_tap);
+            if helps {
+                lack[lanes.clone()].iter_mut().zip(&*of_tap).for_each(|(sum, w)| *sum += *w);
+            }
             let length = &filter.length[piece.at..][..piece.len];
             if reads_light {
                 let there =
@@ -212,6 +225,31 @@ fn filter_run<const PERSPECTIVE: bool, const GLOSS: bool>(
             total[lanes.clone()].iter_mut().zip(&*of_tap).for_each(|(total, w)| *total += *w);
             if filter.first > 0.0 {
                 divide(of_tap, like, &mut own_weight[lanes]);
+            }
+        }
+    }
+    if helps && lacking(&mut lack[..n], (&frames[..n], &share[..n]), p.depth, filter.isolated) {
+        for (of_tap, offset) in taps.iter_mut().zip(OFFSETS) {
+            let mut pieces = pieces(offset);
+            while let Some(piece) = pieces.next() {
+                let lanes = piece.first..piece.first + piece.len;
+                let there = &mut light_there[..piece.len];
+                there.fill(1.0);
+                piece.mask(there);
+                let others = Others {
+                    lack: &lack[lanes.clone()],
+                    share: &share[lanes.clone()],
+                    frames: &frames[lanes.clone()],
+                    length: &filter.length[piece.at..][..piece.len],
+                    depth: guide_run(guides, piece.y, piece.at, piece.len).depth,
+                    there,
+                };
+                others.add(
+                    (filter.isolated, filter.frames),
+                    &mut of_tap[lanes.clone()],
+                    &mut total[lanes],
+                    spread.squares(piece.first),
+                );
             }
         }
     }

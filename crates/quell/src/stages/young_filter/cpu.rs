@@ -118,6 +118,12 @@ impl Spread {
         }
     }
 
+    /// The sums of w^2 N from lane `first` on.
+    #[inline(always)]
+    pub fn squares(&mut self, first: usize) -> &mut [f32] {
+        &mut self.squares[first..]
+    }
+
     /// The variance of the filtered luminance. `part`: one over the sum of the weights of the mean; `own`: the centres' weights
     /// in it; `light`: their luminance.
     #[inline(always)]
@@ -206,5 +212,56 @@ pub(crate) fn varied(sums: &[f32], part: &[f32], depth: &[f32], centre: &[f32], 
     let (sums, part, depth, centre) = (&sums[..n], &part[..n], &depth[..n], &centre[..n]);
     for i in 0..n {
         out[i] = if depth[i] < f32::INFINITY { sums[i] * part[i] * part[i] } else { centre[i] };
+    }
+}
+
+/// From the sums of a run's edge weights to what they lack to 1, of pixels that neighbours of other surfaces may help; says whether any
+/// lacks something.
+#[inline(always)]
+pub(crate) fn lacking(sums: &mut [f32], (frames, share): (&[f32], &[f32]), depth: &[f32], most: f32) -> bool {
+    let n = sums.len();
+    let (frames, share, depth) = (&frames[..n], &share[..n], &depth[..n]);
+    let mut any = 0.0;
+    for i in 0..n {
+        let lack = if sums[i] < 1.0 { 1.0 - sums[i] } else { 0.0 };
+        let helped = (frames[i] < most) & (share[i] > 0.0) & (depth[i] < f32::INFINITY);
+        sums[i] = if helped { lack } else { 0.0 };
+        any += sums[i];
+    }
+    any > 0.0
+}
+
+/// A tap of a run where it counts though it shows another surface.
+pub(crate) struct Others<'a> {
+    /// Of the centres: what [`lacking`] found, the neighbours' share, their frames.
+    pub lack: &'a [f32],
+    pub share: &'a [f32],
+    pub frames: &'a [f32],
+    /// Of the taps: history length, depth, and 1 where there is one.
+    pub length: &'a [f32],
+    pub depth: &'a [f32],
+    pub there: &'a [f32],
+}
+
+impl Others<'_> {
+    /// Adds to the tap's weights, to their sums, and to [`Spread`]'s sums of squares. `isolated`: the parameter.
+    #[inline(always)]
+    pub fn add(&self, (isolated, most): (f32, f32), weights: &mut [f32], total: &mut [f32], squares: &mut [f32]) {
+        let n = weights.len();
+        let (lack, share, frames) = (&self.lack[..n], &self.share[..n], &self.frames[..n]);
+        let (length, depth, there) = (&self.length[..n], &self.depth[..n], &self.there[..n]);
+        let (total, squares) = (&mut total[..n], &mut squares[..n]);
+        for i in 0..n {
+            let length = counted(length[i], most);
+            let left = isolated - frames[i];
+            let added = lack[i] * if length < left { length } else { left };
+            let adds = (lack[i] > 0.0) & (there[i] > 0.0) & (depth[i] < f32::INFINITY);
+            let added = if adds { added } else { 0.0 };
+            // The squares are of weights without the share, which is above 0 where something is added.
+            let whole = share[i] * added;
+            squares[i] += if adds { added * (2.0 * weights[i] / share[i] + added) / length } else { 0.0 };
+            weights[i] += whole;
+            total[i] += whole;
+        }
     }
 }

@@ -10,6 +10,7 @@
 //! | first luminance stop | at level 0, where the signal's contrast C (`matte_contrast`, `glossy_contrast`) is above 0: w_pq times max(0, 1 - (l_p - l_q)^2 / (C^2 m^2 (1 / N_p + 1 / N_q) + e^2 (l_p + l_q)^2))^2, l the input's luminance, m = (l_p + l_q) / 2, e = 0.004; what it takes from a neighbour's weight goes to c_p |
 //! | luminance stop | from level 1 on, where `deviations` K is above 0: w_pq times max(0, 1 - (l_p - l_q)^2 / (K^2 (v_p + v_q) + e^2 (l_p + l_q)^2))^2 (Tukey's biweight), v the variance of l's noise |
 //! | noise | v' = sum_q u_q^2 v_q / (sum_q u_q)^2, u the weights of the mean; at level 0 v_q = S / N_q, S the variance of one frame's light: (n / (n - 1)) sum_q w_q N_q (l_q - m)^2 / sum_q w_q, m the mean of l with weights w N, n = (sum w)^2 / sum w^2, w here without the first stop; N_p l_p^2 where n is under 1.5 |
+//! | isolated pixels | at level 0, where `isolated` A is above 0: each neighbour but background counts s (1 - sum_q w_pq)+ min(N_q, (A - N_p)+) frames more, whatever surface it shows |
 //! | fade | s = clamp((F_i - N_p) / (F_i - 1), 0, 1), F_i = `frames` `falloff`^i (matte with `matte_stays`: 1e9); glossy: times min(1, (`lobe` r + `least_lobe`) / 3^i), r = 2 roughness^2 f, f the focal length in pixels |
 //! | source | ours; levels of sparse taps: Dammertz et al. (HPG 2010); a filter in space for short histories: SVGF (Schied et al., HPG 2017) 4.2; a luminance stop that knows the noise: SVGF 4.3 |
 //! | parameters | `young_filter.*`, `edge.*` |
@@ -23,6 +24,8 @@
 //! frames and weights that is an exchange, which loses no light. Without the luminance stops weights come from feature buffers and
 //! lengths alone: the filter is linear in the light, and keeps its energy. Both stops are even in both pixels: what is dark by chance
 //! refuses what is bright no more than the other way round. Passes take the weights of the signal that they are tied to, and still add up.
+//! A pixel of a wire or a leaf that has neither history nor neighbours of its surface would keep the noise of its few paths: what is around it
+//! stands in, until it has a history of its own.
 //! Radii are in pixels of any image, since so is the noise. Background passes through.
 
 #[cfg(feature = "cpu")]

@@ -88,6 +88,15 @@ pub fn run(input: Input<'_>, guides: &Guides, settings: &Settings, signal: Signa
             let refused = if first.is_some() { whole - weight } else { 0.0 };
             taps.push(Tap { at: (qx, qy), edge: f64::from(edge), weight, refused });
         }
+        if level == 0 {
+            let lack = (1.0 - taps[1..].iter().map(|tap| tap.edge).sum::<f64>()).max(0.0);
+            let most = (f64::from(young.isolated) - frames((x, y))).max(0.0);
+            for tap in taps.iter_mut().skip(1) {
+                if guides.surface(tap.at.0, tap.at.1).view_depth.is_finite() {
+                    tap.weight += f64::from(share) * lack * frames(tap.at).min(most);
+                }
+            }
+        }
         taps[0].weight += taps.iter().map(|tap| tap.refused).sum::<f64>();
         (share, taps)
     };

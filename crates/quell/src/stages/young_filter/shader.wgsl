@@ -67,6 +67,13 @@ fn young_filter(pixel: vec2i, stops: EdgeStops, step: i32, share: f32, contrast:
     var edges = vec2f(1.0);
     var moments = vec3f(frames, 0.0, 0.0);
     var squares = 0.0;
+    // Frames that neighbours of other surfaces count at most, where none shows this one; sums of these frames m, of m times the colour,
+    // and of m times the weights of the same tap and of m^2 / N.
+    let most = select(0.0, max(settings.young.isolated - frames, 0.0), step == 1);
+    var alike = 0.0;
+    var others = 0.0;
+    var others_sum = vec3f(0.0);
+    var others_squares = vec2f(0.0);
     for (var dy = -1; dy <= 1; dy++) {
         for (var dx = -1; dx <= 1; dx++) {
             let q = pixel + vec2i(dx, dy) * step;
@@ -75,10 +82,12 @@ fn young_filter(pixel: vec2i, stops: EdgeStops, step: i32, share: f32, contrast:
             }
             let origin = ray_origin(frame.view, sample_position(q));
             let direction = ray_direction(frame.view, sample_position(q));
-            let edge = edge_weight(stops, p, surface_of(q), origin, direction, pixel_size);
-            if edge <= 0.0 {
+            let s = surface_of(q);
+            let edge = edge_weight(stops, p, s, origin, direction, pixel_size);
+            if edge <= 0.0 && (most <= 0.0 || s.view_depth == BACKGROUND) {
                 continue;
             }
+            alike += edge;
             let there = young_light(q);
             let counted = young_frames(q);
             let light_there = luminance(there.xyz);
@@ -98,6 +107,12 @@ fn young_filter(pixel: vec2i, stops: EdgeStops, step: i32, share: f32, contrast:
                 moments += edge * counted * vec3f(1.0, x, x * x);
                 squares += (edge * like) * (edge * like) * counted;
             }
+            if most > 0.0 {
+                let m = min(counted, most);
+                others += m;
+                others_sum += m * young_colour(q, there);
+                others_squares += m * vec2f(edge * like, m / counted);
+            }
             let w = whole * like;
             if w > 0.0 {
                 sum += w * young_colour(q, there);
@@ -108,6 +123,12 @@ fn young_filter(pixel: vec2i, stops: EdgeStops, step: i32, share: f32, contrast:
     }
     total += refused;
     sum += refused * centre;
+    if others > 0.0 {
+        let lack = max(1.0 - alike, 0.0);
+        total += share * lack * others;
+        sum += share * lack * others_sum;
+        squares += 2.0 * lack * others_squares.x + lack * lack * others_squares.y;
+    }
     if finds {
         let count = edges.x * edges.x / edges.y;
         let spread = max(moments.z - moments.y * moments.y / moments.x, 0.0);
