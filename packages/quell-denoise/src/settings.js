@@ -124,6 +124,7 @@ export function settingsStruct(settings, rows) {
       deviations: young.deviations,
       matte_contrast: young.matte_contrast,
       glossy_contrast: young.glossy_contrast,
+      isolated: young.isolated,
       last,
     },
     matte_prefilter: spiral("matte_prefilter"),

@@ -277,6 +277,7 @@ fn cases() -> Vec<(Size, Changes)> {
                 ("young_filter.lobe", "0.7"),
                 ("young_filter.least_lobe", "0.3"),
                 ("young_filter.deviations", "3.7"),
+                ("young_filter.isolated", "2.3"),
                 ("young_filter.matte_stays", "on"),
                 ("changed_light.glossy", "on"),
                 ("changed_light.fast", "0.63"),
