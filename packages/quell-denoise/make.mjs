@@ -134,7 +134,7 @@ function declarations(parameters, presets, views) {
   const type = { number: () => "number", whole: () => "number", switch: () => "boolean", choice: (p) => p.choices.map((c) => JSON.stringify(c)).join(" | ") };
   const range = (p) => (p.kind === "number" || p.kind === "whole" ? ` From ${p.low} to ${p.high}${p.unit ? `, ${p.unit}` : ""}.` : "");
   const shown = (p) => (p.kind === "choice" ? p.default : p.kind === "switch" ? (p.default ? "true" : "false") : p.default);
-  const lines = parameters.map((p) => `  /** ${p.meaning}${range(p)} Default: ${shown(p)}. */\n  ${JSON.stringify(p.name)}?: ${type[p.kind](p)};`);
+  const lines = parameters.map((p) => `  /** ${p.meaning}${range(p)} Preset paper: ${shown(p)}. */\n  ${JSON.stringify(p.name)}?: ${type[p.kind](p)};`);
   const either = (names) => names.map((name) => JSON.stringify(name)).join(" | ");
   return `// Made by make.mjs.\n\n/** Names of presets. */\nexport type Preset = ${either(presets)};\n\n/** Debug views; docs/integrating.md shows what each looks like. */\nexport type DebugView = ${either(views)};\n\n/** Parameters of the stages by name; docs/parameters.md says what each does, and where its value comes from. */\nexport interface Settings {\n${lines.join("\n")}\n}\n`;
 }

@@ -69,7 +69,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let mut sequences = Vec::new();
     for (name, description, pictures) in [
         ("noisy", "one matte and one glossy path a pixel", &noisy),
-        ("denoised", "the same, filtered by preset `paper`", &denoised),
+        ("denoised", "the same, filtered by preset `quality`", &denoised),
     ] {
         let (scores, flip) = FrameScores::measure(&pictures[last], &reference, tone, &exposures)?;
         let frames = vec![NumberedScores { frame: last as i64, scores }];
@@ -109,7 +109,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     println!("{written:?}");
     let data = PlayerData {
         title: scene.name.clone(),
-        subtitle: format!("{size}, {frames} frames, 1 matte and 1 glossy path a pixel, preset paper"),
+        subtitle: format!("{size}, {frames} frames, 1 matte and 1 glossy path a pixel, preset quality"),
         frame_numbers: (0..frames).collect(),
         sequences,
         metrics: metrics_table(&metrics),

@@ -46,7 +46,7 @@ pub struct Pass<'a> {
 
 /// What a renderer hands over of one frame; it borrows and never copies without need.
 ///
-/// An absent plane has the meaning that its comment gives. All planes present have the extent `size`. Preset `paper` reads
+/// An absent plane has the meaning that its comment gives. All planes present have the extent `size`. The presets read
 /// every plane but those whose comment says that no preset reads them: files keep them for a preset to come.
 #[derive(Clone, Copy, Debug)]
 pub struct Frame<'a> {

@@ -10,7 +10,8 @@ pub fn parameters_markdown() -> String {
     let mut page = String::from(
         "# Parameters\n\nMade from `crates/quell/src/settings.rs` and `crates/quell/src/sequence/settings.rs` by `quell explain \
          --markdown`; a test keeps it current. Set any of them with `--set stage.parameter=value` or in a TOML file \
-         (`--settings`). Radii in pixels are given at 720 rows and scale with the height. Marks: [S] the talk's slides, \
+         (`--settings`). Radii in pixels are given at 720 rows and scale with the height. Defaults are those of preset `paper`; programs run \
+         preset `quality`, whose other values are listed under \"Preset quality\". Marks: [S] the talk's slides, \
          [E] the authors' engine, [I] inferred, [O] open, a choice of ours (`docs/paper.md`).\n",
     );
     add_table(&mut page, PARAMETERS, &Settings::default());

@@ -236,7 +236,7 @@ parameters! {
         glossy_contrast: f32 = 0.0, 0.0..=64.0, "of the mean, for one frame", "The same for the glossy signal.",
             higher "Lamps in mirrors leak into the pixels beside them.", lower "Reflections are noisier at first.",
             source "ours: `docs/quality.md`";
-        isolated: f32 = 0.0, 0.0..=64.0, "frames", "First level: where none of the neighbours shows a pixel's surface, they count up to this many frames less its own history.",
+        isolated: f32 = 0.0, 0.0..=64.0, "frames", "First level: as far as the weights of the eight neighbours add up to less than 1, all of them count, whatever surface they show, by up to this many frames less the pixel's own.",
             higher "Wires and leaves take the light of what is around them while their history is short.", lower "They keep the noise of their few paths.",
             source "ours: `docs/quality.md`";
     }

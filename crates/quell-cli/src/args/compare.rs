@@ -13,10 +13,11 @@ use std::str::FromStr;
 /// Methods side by side on the same frames: metrics, artefacts, time, memory, and a page to look at
 #[derive(Debug, Args)]
 #[command(
-    before_help = "Example: quell compare glossy-room -o comparison --methods none,quell:paper",
+    before_help = "Example: quell compare glossy-room -o comparison --methods none,quell:quality",
     after_help = "\
 METHODS
-  none, quell:paper, quell:sequence, and the baselines; an unknown name is answered with the nearest
+  none, quell:quality, quell:paper, quell:sequence, and the baselines; an unknown name is answered
+                                   with the nearest
   quell:paper+no-virtual           one of the talk's ablations
   quell:paper+firefly.enabled=off  any parameter
   quell:sequence                   the filter of `quell denoise`, which sees frames before and after

@@ -78,7 +78,7 @@ pub struct Common {
     /// What traces scenes for render, demo, compare, reproduce and bench, cpu or gpu [default: gpu with --backend gpu on a real GPU, else cpu]
     #[arg(long, global = true, value_name = "NAME", value_parser = values::tracer)]
     pub tracer: Option<values::TracerChoice>,
-    /// Named values of all parameters. Real-time filter: quality (the default), paper (as published in 2017). Sequence filter (denoise, bench --sequence): sequence (the default), sequence-short
+    /// Named values of all parameters. Real-time filter: quality (the default; of reproduce: paper), paper (as published in 2017). Sequence filter (denoise, bench --sequence): sequence (the default), sequence-short
     #[arg(long, global = true, value_name = "NAME")]
     pub preset: Option<String>,
     /// Set one parameter; repeatable; `quell explain` lists them

@@ -191,6 +191,7 @@ pub fn parse_on(name: &str, backend: &Backend) -> Result<Box<dyn Method>, Error>
 pub const NAMES: &[&str] = &[
     "none",
     "temporal",
+    "quell:quality",
     "quell:paper",
     "quell:sequence",
     "atrous",

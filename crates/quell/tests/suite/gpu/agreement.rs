@@ -191,8 +191,13 @@ const YOUNG_GLOSSY_CONTRAST: &[(&str, &str)] =
     &[("young_filter.glossy_contrast", "1.5"), ("young_filter.deviations", "3"), ("young_filter.least_lobe", "2")];
 
 /// Neighbours of other surfaces count where few show the same one, as most do where normals must agree closely.
-const YOUNG_ISOLATED: &[(&str, &str)] =
-    &[("young_filter.isolated", "6"), ("young_filter.deviations", "3"), ("edge.normal", "8")];
+const YOUNG_ISOLATED: &[(&str, &str)] = &[
+    ("young_filter.isolated", "6"),
+    ("young_filter.deviations", "3"),
+    ("young_filter.matte_contrast", "2"),
+    ("young_filter.least_lobe", "2"),
+    ("edge.normal", "8"),
+];
 
 /// Light that is looked at closely: nearly every difference between the means counts, and part of history stays.
 const CHANGED: &[(&str, &str)] = &[
@@ -242,6 +247,7 @@ pub const CASES: &[Case] = &[
     case("young glossy 1, stop", WEIGHTS, YOUNG_GLOSSY, |i, s| i.young(Signal::Glossy, 0, s)),
     case("young glossy 3, stop", WEIGHTS, YOUNG_GLOSSY, |i, s| i.young(Signal::Glossy, 1, s)),
     case("young 1, isolated", WEIGHTS, YOUNG_ISOLATED, |i, s| i.young(Signal::Matte, 0, s)),
+    case("young glossy 1, isolated", WEIGHTS, YOUNG_ISOLATED, |i, s| i.young(Signal::Glossy, 0, s)),
     case("young 1, contrast", WEIGHTS, YOUNG_CONTRAST, |i, s| i.young(Signal::Matte, 0, s)),
     case("young glossy 1, contrast", WEIGHTS, YOUNG_GLOSSY_CONTRAST, |i, s| i.young(Signal::Glossy, 0, s)),
     case("young 1, joint", WEIGHTS, YOUNG_CONTRAST, |i, s| i.young_joint(Signal::Matte, 0, s)),
@@ -534,6 +540,8 @@ pub const PLANTED: &[(&str, &str, &str)] = &[
     ),
     ("young 1, isolated", "settings.young.isolated - frames", "settings.young.isolated - 1.0"),
     ("young 1, isolated", "max(1.0 - alike, 0.0)", "1.0"),
+    ("young 1, isolated", "vec2f(edge * like, m / counted)", "vec2f(edge, m / counted)"),
+    ("young glossy 1, isolated", "total += share * lack * others", "total += lack * others"),
     ("young 1, isolated", "let m = min(counted, most)", "let m = most"),
     ("young 1, isolated", "2.0 * lack * others_squares.x", "lack * others_squares.x"),
     ("young 1, isolated", "lack * lack * others_squares.y", "lack * others_squares.y"),
