@@ -107,7 +107,7 @@ int main(void) {
     check(quell_realtime_create(&options, &d, text, sizeof text) == QUELL_INVALID_ARGUMENT && strstr(text, "papr"), "no such preset");
     check(d == NULL, "nothing was made");
 
-    d = made(NULL);
+    d = made("paper");
     check(d != NULL, "it is made");
     quell_target all = target(shown, 3);
     refused(d, quell_realtime_read(d, "color", &all), "no frame was denoised yet");
@@ -227,7 +227,7 @@ int main(void) {
     /* A parameter changes the picture, another preset too. */
     check(quell_realtime_set(d, "matte_bilateral.enabled", "off") == QUELL_OK, "a parameter");
     quell_realtime_free(d);
-    d = made("quality");
+    d = made(NULL);
     fill(0);
     f.index = 0;
     memcpy(p, good, sizeof p);
