@@ -64,10 +64,10 @@ pub struct Frame<'a> {
     pub matte: Option<PlaneRef<'a, Rgb>>,
     /// Indirect light of the glossy (specular) lobe, mean over its paths, without its weight. Absent: costs nothing.
     pub glossy: Option<PlaneRef<'a, Rgb>>,
-    /// Noisy direct light of the matte lobe, without its weight. Absent: zeros. Preset `paper` adds it to the picture
+    /// Noisy direct light of the matte lobe, without its weight. Absent: zeros. It is added to the picture
     /// unfiltered.
     pub direct_matte: Option<PlaneRef<'a, Rgb>>,
-    /// Noisy direct light of the glossy lobe, without its weight. Absent: zeros. Preset `paper` adds it to the picture
+    /// Noisy direct light of the glossy lobe, without its weight. Absent: zeros. It is added to the picture
     /// unfiltered.
     pub direct_glossy: Option<PlaneRef<'a, Rgb>>,
     /// What multiplies the matte signals back; may exceed 1. Absent: 1.
