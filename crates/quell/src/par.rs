@@ -110,6 +110,64 @@ pub(crate) fn zeros<T: Copy + Default + Send + Sync>(count: usize) -> Vec<T> {
 #[cfg(feature = "threads")]
 const PAGE: usize = 1024;
 
+/// Buffers of images that are gone, for the next ones, the one that waits longest first.
+struct Spares(Vec<Vec<f32>>);
+
+static SPARES: std::sync::Mutex<Spares> = std::sync::Mutex::new(Spares(Vec::new()));
+
+impl Spares {
+    /// Buffers that are kept at most. Few: what is kept is there for nobody else.
+    const MOST: usize = 4;
+    /// The least elements of one. Few in tests, so that small pictures use them.
+    const LEAST: usize = if cfg!(test) { 64 } else { 1 << 16 };
+
+    /// The smallest that holds `count` numbers, unless it is much too large.
+    fn take(&mut self, count: usize) -> Option<Vec<f32>> {
+        let fits = |spare: &Vec<f32>| spare.capacity() >= count && spare.capacity() <= count + count / 2;
+        let best = (0..self.0.len()).filter(|i| fits(&self.0[*i])).min_by_key(|i| self.0[*i].capacity())?;
+        Some(self.0.remove(best))
+    }
+
+    /// Keeps a buffer; the one that waits longest, where there are too many.
+    fn keep(&mut self, numbers: Vec<f32>) -> Option<Vec<f32>> {
+        let longest = (self.0.len() >= Self::MOST).then(|| self.0.remove(0));
+        self.0.push(numbers);
+        longest
+    }
+}
+
+/// So many numbers that mean nothing yet. Every stage of every frame makes images of the same few sizes: one thread would clear each
+/// while the others wait, a twentieth of the filter's time by the clock at 1920x1080.
+pub(crate) fn recycled(count: usize) -> Vec<f32> {
+    let kept = match SPARES.lock() {
+        Ok(mut spares) if count >= Spares::LEAST => spares.take(count),
+        _ => None,
+    };
+    let Some(mut numbers) = kept else { return vec![0.0; count] };
+    numbers.resize(count, 0.0);
+    // What is read before it was written shows in tests.
+    if cfg!(debug_assertions) {
+        numbers.fill(f32::NAN);
+    }
+    numbers
+}
+
+/// Keeps a buffer for [`recycled`].
+pub(crate) fn recycle(numbers: Vec<f32>) {
+    if numbers.capacity() < Spares::LEAST {
+        return;
+    }
+    // Memory is given back after the lock.
+    let longest = SPARES.lock().ok().and_then(|mut spares| spares.keep(numbers));
+    drop(longest);
+}
+
+/// Gives back what is kept for [`recycled`].
+pub(crate) fn forget_spares() {
+    let spares = SPARES.lock().map(|mut spares| std::mem::take(&mut spares.0));
+    drop(spares);
+}
+
 /// Both, at once where there are threads.
 pub(crate) fn both<A: Send, B: Send>(a: impl FnOnce() -> A + Send, b: impl FnOnce() -> B + Send) -> (A, B) {
     #[cfg(feature = "threads")]
@@ -216,6 +274,18 @@ mod tests {
         let (odd, numbers) = of(6);
         assert_eq!((odd, numbers.last()), (COUNT / 2, Some(&(COUNT as u32))));
         assert_eq!((odd, numbers), of(1));
+    }
+
+    #[test]
+    fn buffers_of_about_the_size_are_used_again() {
+        let mut spares = Spares(Vec::new());
+        for size in [1000, 2000, 1400, 3000] {
+            assert!(spares.keep(Vec::with_capacity(size)).is_none());
+        }
+        assert_eq!(spares.take(1200).map(|v| v.capacity()), Some(1400));
+        assert!(spares.take(500).is_none() && spares.take(4000).is_none());
+        assert!(spares.keep(Vec::with_capacity(100)).is_none());
+        assert_eq!(spares.keep(Vec::with_capacity(200)).map(|v| v.capacity()), Some(1000));
     }
 
     #[test]

@@ -91,7 +91,7 @@ impl ConvNet {
         let quarter = Size::new(half.width / 2, half.height / 2);
         // Beyond the picture its border.
         let row_of = |y: usize| y.saturating_sub(above).min(size.height - 1);
-        let mut a = Rows::new(whole, second.outputs);
+        let mut a = Rows::unset(whole, second.outputs);
         for (k, out) in a.data_mut().chunks_mut((BAND * second.outputs * whole.width).max(1)).enumerate() {
             let rows = BAND * k..(BAND * (k + 1)).min(whole.height);
             let wider = rows.start.saturating_sub(1)..(rows.end + 1).min(whole.height);
@@ -115,7 +115,7 @@ impl ConvNet {
         let c = fifth.run(quarter, from_row(&fourth.run(quarter, halved(&b), true), 0), true);
         let d = sixth.run(half, beside(&b, &c), true);
         drop((b, c));
-        let mut cut = Rows::new(size, last.outputs);
+        let mut cut = Rows::unset(size, last.outputs);
         let length = (last.outputs * size.width).max(1);
         for (k, cut) in cut.data_mut().chunks_mut(BAND * length).enumerate() {
             let rows = above + BAND * k..above + (BAND * (k + 1)).min(size.height);
@@ -169,7 +169,7 @@ impl Layer {
         fetch: impl Fn(usize, usize, usize, &mut [f32]) + Sync,
         rectify: bool,
     ) -> Rows {
-        let mut out = Rows::new(Size::new(size.width, rows.len()), self.outputs);
+        let mut out = Rows::unset(Size::new(size.width, rows.len()), self.outputs);
         self.fill(size, rows, fetch, rectify, out.data_mut());
         out
     }

@@ -3,6 +3,7 @@
 use super::lanes::BLOCK;
 use crate::par;
 use crate::plane::Size;
+use crate::simd::widest;
 use std::ops::Range;
 
 /// Lights that have a bit of their own; further ones count as lit everywhere.
@@ -38,11 +39,7 @@ impl LitBlocks {
         par::rows(&mut blocks, across.max(1), |y, blocks| {
             for light in 0..lights.min(MOST) {
                 for row in channels(y, light) {
-                    for (block, values) in blocks.iter_mut().zip(row.chunks(BLOCK)) {
-                        // Of -0, too, nothing comes out.
-                        let bits = values.iter().fold(0, |bits, value| bits | value.to_bits() << 1);
-                        *block |= u64::from(bits != 0) << light;
-                    }
+                    widest!(mark(row, light, blocks));
                 }
             }
         });
@@ -56,6 +53,23 @@ impl LitBlocks {
         let end = (columns.end.max(0) as usize).div_ceil(BLOCK).min(self.across);
         let of_row = |y: usize| self.blocks[y * self.across..][..self.across].get(first..end).unwrap_or(&[]);
         Lit(rows.flat_map(of_row).fold(0, |lit, block| lit | block))
+    }
+}
+
+/// Sets the light's bit of each block of a row in which it is not 0. Of -0, too, nothing comes out.
+#[inline(always)]
+fn mark(row: &[f32], light: usize, blocks: &mut [u64]) {
+    let (whole, rest) = row.as_chunks::<BLOCK>();
+    let (of_whole, of_rest) = blocks.split_at_mut(whole.len());
+    for (block, values) in of_whole.iter_mut().zip(whole) {
+        let mut bits = 0;
+        for value in values {
+            bits |= value.to_bits() << 1;
+        }
+        *block |= u64::from(bits != 0) << light;
+    }
+    if let Some(block) = of_rest.first_mut() {
+        *block |= u64::from(rest.iter().any(|value| *value != 0.0)) << light;
     }
 }
 

@@ -53,6 +53,13 @@ enum Device {
     Window(Box<dyn AcceleratedWindow>),
 }
 
+impl Drop for SequenceDenoiser {
+    fn drop(&mut self) {
+        self.entries.clear();
+        par::forget_spares();
+    }
+}
+
 impl std::fmt::Debug for SequenceDenoiser {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         let frames: Vec<i64> = self.entries.iter().map(|entry| entry.frame.number).collect();
@@ -124,7 +131,9 @@ impl SequenceDenoiser {
     /// # Errors
     /// As [`SequenceDenoiser::new`].
     pub fn with_accelerator(settings: SequenceSettings, accelerator: Arc<dyn Accelerator>) -> Result<Self, Error> {
-        Ok(Self { accelerator: Some(accelerator), ..Self::new(settings)? })
+        let mut denoiser = Self::new(settings)?;
+        denoiser.accelerator = Some(accelerator);
+        Ok(denoiser)
     }
 
     /// Keeps what the nets of `stabilise` and `blend` choose from and by, of every frame that comes out, for their training; taps of

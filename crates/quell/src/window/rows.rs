@@ -18,6 +18,22 @@ impl Rows {
         Self { size, channels, data: par::zeros(size.pixels() * channels) }
     }
 
+    /// Made row by row, on all threads: `f(y, all channels of the row one after the other)`; a row is 0 before.
+    #[cfg(feature = "cpu")]
+    pub(crate) fn made(size: Size, channels: usize, f: impl Fn(usize, &mut [f32]) + Sync + Send) -> Self {
+        let mut rows = Self::unset(size, channels);
+        par::rows(&mut rows.data, (channels * size.width).max(1), |y, row| {
+            row.fill(0.0);
+            f(y, row);
+        });
+        rows
+    }
+
+    /// Values that mean nothing: all of them are to be written.
+    pub(crate) fn unset(size: Size, channels: usize) -> Self {
+        Self { size, channels, data: par::recycled(size.pixels() * channels) }
+    }
+
     /// Extent.
     pub fn size(&self) -> Size {
         self.size
@@ -67,6 +83,12 @@ impl Rows {
     /// Three channels from `first` on at a pixel.
     pub fn colour(&self, x: usize, y: usize, first: usize) -> [f32; 3] {
         [0, 1, 2].map(|c| self.at(x, y, first + c))
+    }
+}
+
+impl Drop for Rows {
+    fn drop(&mut self) {
+        par::recycle(std::mem::take(&mut self.data));
     }
 }
 

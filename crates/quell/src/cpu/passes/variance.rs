@@ -1,7 +1,6 @@
 //! Stage `variance`, row by row.
 
 use crate::kernels::lit_blocks::LitBlocks;
-use crate::par;
 use crate::plane::Plane;
 use crate::sequence::settings::{Variance, Wavelet};
 use crate::simd::dispatch;
@@ -23,9 +22,7 @@ pub(crate) fn run(
         let colour = (0..3).map(move |c| gathered.colours.row(y, 3 * slots[l].first + c));
         colour.chain(std::iter::once(gathered.moments.row(y, 2 * l)))
     });
-    let mut out = Rows::new(local.size, lights);
-    par::rows(out.data_mut(), (lights * local.size.width).max(1), |y, out| {
+    Rows::made(local.size, lights, |y, out| {
         dispatch!(crate::simd::level(), simd => row(simd, local, (gathered, &lit), given, (s, wavelet), y, out));
-    });
-    out
+    })
 }

@@ -42,20 +42,15 @@ fn compared(
     (colours, variance, lit): (&Rows, &Rows, &LitBlocks),
     s: &Wavelet,
 ) -> Rows {
-    let lights = slots.len();
-    let mut out = Rows::new(local.size, 2 * lights);
-    par::rows(out.data_mut(), (2 * lights * local.size.width).max(1), |y, out| {
+    Rows::made(local.size, 2 * slots.len(), |y, out| {
         dispatch!(crate::simd::level(), simd => compared_row(simd, local, slots, (colours, variance, lit), s, y, out));
-    });
-    out
+    })
 }
 
 fn stops(local: &LocalFeatures, slots: &[LightSlot], compared: &Rows, s: &Wavelet) -> Rows {
-    let mut out = Rows::new(local.size, slots.len());
-    par::rows(out.data_mut(), (slots.len() * local.size.width).max(1), |y, out| {
+    Rows::made(local.size, slots.len(), |y, out| {
         dispatch!(crate::simd::level(), simd => stops_row(simd, local, slots, compared, s, y, out));
-    });
-    out
+    })
 }
 
 /// Rows that are filtered at once. Few in tests, so that small pictures have some.

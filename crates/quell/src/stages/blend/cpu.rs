@@ -46,21 +46,15 @@ pub(crate) struct Band {
 }
 
 impl Band {
-    fn new(rows: &Range<usize>, width: usize, channels: usize) -> Self {
-        Self { first: rows.start, rows: Rows::new(Size::new(width, rows.len()), channels) }
-    }
-
-    /// Made row by row: `f(y, all channels of the row one after the other)`.
+    /// Made row by row: `f(y, all channels of the row one after the other)`; a row is 0 before.
     pub(crate) fn filled(
         rows: &Range<usize>,
         width: usize,
         channels: usize,
         f: impl Fn(usize, &mut [f32]) + Sync + Send,
     ) -> Self {
-        let mut band = Self::new(rows, width, channels);
-        let first = band.first;
-        par::rows(band.rows.data_mut(), (channels * width).max(1), |y, row| f(first + y, row));
-        band
+        let first = rows.start;
+        Self { first, rows: Rows::made(Size::new(width, rows.len()), channels, |y, row| f(first + y, row)) }
     }
 
     fn width(&self) -> usize {
@@ -120,13 +114,11 @@ pub(crate) fn run(
                 dispatch!(crate::simd::level(), simd => noise.known_row(simd, rows.start + y, s, known));
             });
             let around = mean_depth(here.features, &rows);
-            let mut read = Rows::new(Size::new(w, rows.len()), READ);
-            par::rows(read.data_mut(), READ * w, |y, out| {
+            Rows::made(Size::new(w, rows.len()), READ, |y, out| {
                 let y = rows.start + y;
                 dispatch!(crate::simd::level(), simd => read_row(simd, &noise, (here, steady), y, out));
                 guides_row(here.features, around.row(y, 0), y, &mut out[(READ - GUIDES) * w..]);
-            });
-            read
+            })
         });
         par::two_rows(shares_of.data_mut(), w, expected.data_mut(), w, |y, shares_of, expected| {
             widest!(shares_row(&found, known.row(y), y, s, shares_of, expected));

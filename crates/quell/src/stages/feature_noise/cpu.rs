@@ -1,70 +1,50 @@
-//! Slopes and noise of feature buffers on all threads.
+//! Slopes and noise of feature buffers, row by row on all threads.
 
 use super::DIVIDED;
 use crate::par;
+use crate::plane::Size;
+use crate::simd::widest;
 use crate::window::{Features, LocalFeatures, Packed, SurfacePoint};
 
 /// Runs the stage on the whole image.
 pub(crate) fn run(features: &Features) -> LocalFeatures {
     let size = features.size;
     let (w, h) = (size.width, size.height);
-    let surface = &features.surface;
-    let plane = |f: &(dyn Fn(usize, usize) -> f32 + Sync)| -> Vec<f32> { par::plane(size, f).into_vec() };
-    let at = |x: usize, y: usize| &surface[y * w + x];
-    // Of the two one-sided differences the smaller: the other may cross an edge.
-    let slope = |here: f32, back: Option<f32>, forward: Option<f32>| -> f32 {
-        let known = |v: &f32| here > 0.0 && *v > 0.0;
-        match (back.filter(known).map(|v| here - v), forward.filter(known).map(|v| v - here)) {
-            (Some(a), Some(b)) => {
-                if a.abs() < b.abs() {
-                    a
-                } else {
-                    b
-                }
-            }
-            (Some(a), None) | (None, Some(a)) => a,
-            (None, None) => 0.0,
-        }
-    };
-    let inverse = |x: usize, y: usize| at(x, y).inverse_depth;
-    let dx = plane(&|x, y| {
-        let (back, forward) = ((x > 0).then(|| inverse(x - 1, y)), (x + 1 < w).then(|| inverse(x + 1, y)));
-        slope(inverse(x, y), back, forward)
-    });
-    let dy = plane(&|x, y| {
-        let (back, forward) = ((y > 0).then(|| inverse(x, y - 1)), (y + 1 < h).then(|| inverse(x, y + 1)));
-        slope(inverse(x, y), back, forward)
-    });
-    // Along an edge a clean guide is smooth; where it is smooth in no direction the guide is noisy.
-    let calmest = |x: usize, y: usize, rough: &dyn Fn(&SurfacePoint, &SurfacePoint, &SurfacePoint) -> f32| -> f32 {
-        if x == 0 || y == 0 || x + 1 >= w || y + 1 >= h {
-            return 0.0;
-        }
-        [(1isize, 0isize), (0, 1), (1, 1), (1, -1)].into_iter().fold(f32::MAX, |least, (i, j)| {
-            let a = at((x as isize - i) as usize, (y as isize - j) as usize);
-            let b = at((x as isize + i) as usize, (y as isize + j) as usize);
-            least.min(rough(a, at(x, y), b))
-        })
-    };
-    let depth_noise = plane(&|x, y| {
-        calmest(x, y, &|a, p, b| {
-            if p.inverse_depth > 0.0 {
-                (a.inverse_depth + b.inverse_depth - 2.0 * p.inverse_depth).abs() / (2.0 * p.inverse_depth)
-            } else {
-                0.0
+    let of_surface = |of: fn(&SurfacePoint) -> f32| {
+        plane(size, |y, out| {
+            for (out, surface) in out.iter_mut().zip(&features.surface[y * w..]) {
+                *out = of(surface);
             }
         })
+    };
+    let inverse_depth = of_surface(|s| s.inverse_depth);
+    let normal = [of_surface(|s| s.normal[0]), of_surface(|s| s.normal[1]), of_surface(|s| s.normal[2])];
+    let depths = |y: usize| &inverse_depth[y * w..][..w];
+    let beyond = vec![0.0; w];
+    let dx = plane(size, |y, out| {
+        widest!(slopes_along(depths(y), out));
     });
-    let normal_noise = plane(&|x, y| {
-        calmest(x, y, &|a, p, b| {
-            let middle = [0, 1, 2].map(|c| 0.5 * (a.normal[c] + b.normal[c]));
-            0.5 * (0..3).map(|c| (middle[c] - p.normal[c]).powi(2)).sum::<f32>()
-        })
+    let dy = plane(size, |y, out| {
+        let above = if y > 0 { depths(y - 1) } else { &beyond };
+        let below = if y + 1 < h { depths(y + 1) } else { &beyond };
+        widest!(slopes([above, depths(y), below], out));
     });
-    let component = |c: usize| plane(&|x, y| at(x, y).normal[c]);
+    // Neighbours are missing at the border: no noise is assumed.
+    let inner = |y: usize| y > 0 && y + 1 < h && w > 2;
+    let depth_noise = plane(size, |y, out| {
+        if inner(y) {
+            widest!(depth_noise([y - 1, y, y + 1].map(depths), out));
+        }
+    });
+    let normals = |y: usize| normal.each_ref().map(|normals| &normals[y * w..][..w]);
+    let normal_noise = plane(size, |y, out| {
+        if inner(y) {
+            widest!(normal_noise([y - 1, y, y + 1].map(normals), out));
+        }
+    });
     let three = |packed: Option<&Packed>, k: usize| match packed {
         None => [Vec::new(), Vec::new(), Vec::new()],
-        Some(packed) => [0, 1, 2].map(|c| plane(&|x, y| packed.at(k, y * w + x)[c])),
+        Some(packed) => [0, 1, 2].map(|c| plane(size, |y, out| packed.channel(k, c, y, out))),
     };
     let seen = |k: usize| three(features.seen.as_ref().filter(|_| features.has_seen[k]), k);
     let mut seen_albedo = seen(0);
@@ -88,13 +68,86 @@ pub(crate) fn run(features: &Features) -> LocalFeatures {
     LocalFeatures {
         size,
         slope: [dx, dy],
-        inverse_depth: plane(&inverse),
+        inverse_depth,
         depth_noise,
-        normal: [component(0), component(1), component(2)],
+        normal,
         normal_noise,
         seen_albedo,
         seen_normal: seen(1),
         albedo: three(features.albedo.as_ref(), 0),
         mirror,
+    }
+}
+
+/// `row(y, values)` writes a row, which is 0 before.
+fn plane(size: Size, row: impl Fn(usize, &mut [f32]) + Sync + Send) -> Vec<f32> {
+    let mut values = vec![0.0; size.pixels()];
+    par::rows(&mut values, size.width.max(1), row);
+    values
+}
+
+/// Of the two one-sided differences the smaller: the other may cross an edge. Background, and what lies beyond the image, is 0.
+#[inline(always)]
+fn slope(back: f32, here: f32, forward: f32) -> f32 {
+    let (a, b) = (here - back, forward - here);
+    let has_back = (here > 0.0) & (back > 0.0);
+    let has_forward = (here > 0.0) & (forward > 0.0);
+    let forward = if has_forward { b } else { 0.0 };
+    if has_back & (!has_forward | (a.abs() < b.abs())) { a } else { forward }
+}
+
+#[inline(always)]
+fn slopes([above, here, below]: [&[f32]; 3], out: &mut [f32]) {
+    for ((out, above), (here, below)) in out.iter_mut().zip(above).zip(here.iter().zip(below)) {
+        *out = slope(*above, *here, *below);
+    }
+}
+
+#[inline(always)]
+fn slopes_along(row: &[f32], out: &mut [f32]) {
+    let w = row.len();
+    if w < 2 {
+        return;
+    }
+    out[0] = slope(0.0, row[0], row[1]);
+    slopes([&row[..w - 2], &row[1..w - 1], &row[2..]], &mut out[1..w - 1]);
+    out[w - 1] = slope(row[w - 2], row[w - 1], 0.0);
+}
+
+/// Pairs of pixels on either side of one within 3x3: rows, then columns.
+const PAIRS: [[(usize, usize); 2]; 4] = [[(1, 0), (1, 2)], [(0, 1), (2, 1)], [(0, 0), (2, 2)], [(2, 0), (0, 2)]];
+
+/// Along an edge a clean guide is smooth; where it is smooth in no direction the guide is noisy.
+#[inline(always)]
+fn depth_noise(rows: [&[f32]; 3], out: &mut [f32]) {
+    let w = out.len();
+    let inner = &mut out[1..w - 1];
+    inner.fill(f32::MAX);
+    for [(ya, xa), (yb, xb)] in PAIRS {
+        let (a, b, here) = (&rows[ya][xa..][..w - 2], &rows[yb][xb..][..w - 2], &rows[1][1..w - 1]);
+        for ((out, here), (a, b)) in inner.iter_mut().zip(here).zip(a.iter().zip(b)) {
+            let rough = (a + b - 2.0 * here).abs() / (2.0 * here);
+            *out = out.min(if *here > 0.0 { rough } else { 0.0 });
+        }
+    }
+}
+
+/// The same of normals, component by component.
+#[inline(always)]
+fn normal_noise(rows: [[&[f32]; 3]; 3], out: &mut [f32]) {
+    let w = out.len();
+    let inner = &mut out[1..w - 1];
+    inner.fill(f32::MAX);
+    let here = rows[1].map(|row| &row[1..w - 1]);
+    for [(ya, xa), (yb, xb)] in PAIRS {
+        let (a, b) = (rows[ya].map(|row| &row[xa..][..w - 2]), rows[yb].map(|row| &row[xb..][..w - 2]));
+        for x in 0..w - 2 {
+            let mut squared = 0.0;
+            for c in 0..3 {
+                let off = 0.5 * (a[c][x] + b[c][x]) - here[c][x];
+                squared += off * off;
+            }
+            inner[x] = inner[x].min(0.5 * squared);
+        }
     }
 }

@@ -20,8 +20,8 @@ pub(crate) fn run(window: &[&PreparedFrame], centre: usize, gather: &Gather) -> 
     let size = window[centre].features.size;
     let job = Job::new(window, centre, &slots, gather);
     let planes = slots.iter().map(|s| s.planes).sum::<usize>();
-    let mut colours = Rows::new(size, 3 * planes);
-    let mut moments = Rows::new(size, 2 * slots.len());
+    let mut colours = Rows::unset(size, 3 * planes);
+    let mut moments = Rows::unset(size, 2 * slots.len());
     let (cw, mw) = (3 * planes * size.width, 2 * slots.len() * size.width);
     par::two_rows(colours.data_mut(), cw, moments.data_mut(), mw, |y, colours, moments| {
         dispatch!(crate::simd::level(), simd => job.row(simd, y, colours, moments));
@@ -76,6 +76,7 @@ impl<'a> Job<'a> {
                         }
                     }
                 }
+                moments[2 * l * w..][..w].fill(0.0);
                 moments[(2 * l + 1) * w..][..w].fill(1.0);
             }
         }
@@ -231,18 +232,30 @@ impl<S: Simd> Block<S> {
                         let new = (job.gather, lanes, (to, k));
                         // Each form with sums of its own, and no function is called where there is a run: they stay in registers.
                         if let Some(few) = &there.few {
-                            let mut adding = Adding::new(simd, new, sums);
+                            let mut light = Light::new(simd);
                             for c in 0..CORNERS {
                                 if shares[c].0 != 0.0 {
-                                    adding.add(few.at(simd, pixels[c]), shares[c]);
+                                    light.add(few.means(simd, pixels[c]), shares[c].0);
+                                }
+                            }
+                            let mut adding = Adding::new(simd, new, light, sums);
+                            for c in 0..CORNERS {
+                                if shares[c].0 != 0.0 {
+                                    adding.add(few.samples(simd, pixels[c]), shares[c]);
                                 }
                             }
                             adding.store(sums);
                         } else if let Some(first) = there.run {
-                            let mut adding = Adding::new(simd, new, sums);
+                            let mut light = Light::new(simd);
                             for c in 0..CORNERS {
                                 if shares[c].0 != 0.0 {
-                                    adding.add(there.side_by_side(simd, first, pixels[c]), shares[c]);
+                                    light.add(there.means_beside(simd, first, pixels[c]), shares[c].0);
+                                }
+                            }
+                            let mut adding = Adding::new(simd, new, light, sums);
+                            for c in 0..CORNERS {
+                                if shares[c].0 != 0.0 {
+                                    adding.add(there.samples_beside(simd, first, pixels[c]), shares[c]);
                                 }
                             }
                             adding.store(sums);
@@ -268,9 +281,13 @@ fn scattered<S: Simd>(
     simd.vectorize(
         #[inline(always)]
         || {
-            let mut adding = Adding::new(simd, new, sums);
+            let mut light = Light::new(simd);
             for (pixel, share) in pixels.iter().zip(shares).filter(|(_, share)| share.0 != 0.0) {
-                adding.add((there.samples(simd, *pixel), there.means(simd, *pixel)), *share);
+                light.add(there.means(simd, *pixel), share.0);
+            }
+            let mut adding = Adding::new(simd, new, light, sums);
+            for (pixel, share) in pixels.iter().zip(shares).filter(|(_, share)| share.0 != 0.0) {
+                adding.add(there.samples(simd, *pixel), *share);
             }
             adding.store(sums);
         },
@@ -454,15 +471,21 @@ impl<'a> Few<'a> {
         Some(Self { samples, light, planes, lights, scale: frame.means.scale })
     }
 
-    /// As [`There::side_by_side`].
+    /// As [`There::samples_beside`].
     #[inline(always)]
-    fn at<S: Simd>(&self, simd: S, pixel: usize) -> ([f32x8<S>; 3], [f32x8<S>; 2]) {
+    fn samples<S: Simd>(&self, simd: S, pixel: usize) -> [f32x8<S>; 3] {
         // That they are no more is plain to the compiler so.
-        let (planes, lights) = (self.planes.min(LANES), self.lights.min(LANES));
+        let planes = self.planes.min(LANES);
         let run = self.samples.at(3 * pixel * self.planes);
+        [widen_from(simd, run, 0), widen_from(simd, run, planes), widen_from(simd, run, 2 * planes)]
+    }
+
+    /// As [`There::means_beside`].
+    #[inline(always)]
+    fn means<S: Simd>(&self, simd: S, pixel: usize) -> [f32x8<S>; 2] {
+        let lights = self.lights.min(LANES);
         let light = self.light.at(2 * pixel * self.lights);
-        let sample = [widen_from(simd, run, 0), widen_from(simd, run, planes), widen_from(simd, run, 2 * planes)];
-        (sample, [widen_from(simd, light, 0) * self.scale, widen_from(simd, light, lights) * self.scale])
+        [widen_from(simd, light, 0) * self.scale, widen_from(simd, light, lights) * self.scale]
     }
 }
 
@@ -603,17 +626,40 @@ impl Sums {
     }
 }
 
+/// The light where a trajectory leads in a frame, between the pixels of its footprint: its means and their deviations.
+struct Light<S: Simd> {
+    sums: [f32x8<S>; 2],
+    total: f32,
+}
+
+impl<S: Simd> Light<S> {
+    #[inline(always)]
+    fn new(simd: S) -> Self {
+        Self { sums: [f32x8::splat(simd, 0.0); 2], total: 0.0 }
+    }
+
+    /// Of a pixel of the footprint.
+    #[inline(always)]
+    fn add(&mut self, [mean, deviation]: [f32x8<S>; 2], share: f32) {
+        self.sums[0] += mean * share;
+        // Below 0: without noise.
+        self.sums[1] += deviation.max(0.0) * share;
+        self.total += share;
+    }
+
+    #[inline(always)]
+    fn between(self) -> [f32x8<S>; 2] {
+        let scale = 1.0 / self.total;
+        [self.sums[0] * scale, self.sums[1] * scale]
+    }
+}
+
 /// [`Sums`] of a pixel while samples of one frame are added, in registers.
 struct Adding<S: Simd> {
     simd: S,
-    likeness: Likeness<S>,
-    here: f32x8<S>,
-    /// Squared deviation of the mean here.
-    own: f32x8<S>,
-    free: mask32x8<S>,
     pivot: f32x8<S>,
-    power: f32x8<S>,
-    known: f32x8<S>,
+    /// Weight of every sample of the frame.
+    weight: f32x8<S>,
     seen: mask32x8<S>,
     colours: [f32x8<S>; 3],
     total: f32x8<S>,
@@ -624,21 +670,24 @@ struct Adding<S: Simd> {
 impl<S: Simd> Adding<S> {
     /// Samples of frame `to`, `distance` frames away.
     #[inline(always)]
-    fn new(simd: S, (s, lanes, (to, distance)): (&Gather, &Lanes<'_>, (usize, usize)), sums: &Sums) -> Self {
+    fn new(
+        simd: S,
+        (s, lanes, (to, distance)): (&Gather, &Lanes<'_>, (usize, usize)),
+        light: Light<S>,
+        sums: &Sums,
+    ) -> Self {
         let load = |v: &[f32; LANES]| -> f32x8<S> { (*v).simd_into(simd) };
         let zero = f32x8::splat(simd, 0.0);
         let there = &lanes.frames[to];
         let deviation = load(&sums.deviation);
         let own = deviation.max(zero);
+        let likeness = Likeness::new(simd, s).of(load(&sums.here), own * own, light.between());
+        let weight = load(&lanes.powers[distance]) * load(&there.known) * likeness;
         Self {
             simd,
-            likeness: Likeness::new(simd, s),
-            here: load(&sums.here),
-            own: own * own,
-            free: deviation.simd_lt(zero),
             pivot: load(&sums.pivot),
-            power: load(&lanes.powers[distance]),
-            known: load(&there.known),
+            // Without noise: itself alone.
+            weight: deviation.simd_lt(zero).select(zero, weight),
             seen: load(&lanes.seen).simd_gt(zero),
             colours: [load(&sums.colours[0]), load(&sums.colours[1]), load(&sums.colours[2])],
             total: load(&sums.total),
@@ -648,13 +697,10 @@ impl<S: Simd> Adding<S> {
     }
 
     #[inline(always)]
-    fn add(&mut self, (sample, means): ([f32x8<S>; 3], [f32x8<S>; 2]), (weight, alike): (f32, f32)) {
+    fn add(&mut self, sample: [f32x8<S>; 3], (share, alike): (f32, f32)) {
         let simd = self.simd;
-        let alike = self.seen.select(f32x8::splat(simd, alike), f32x8::splat(simd, 1.0));
-        let mut weight = self.power * weight * alike * self.known;
-        weight *= self.likeness.of(self.here, self.own, means);
-        // Without noise: itself alone.
-        weight = self.free.select(f32x8::splat(simd, 0.0), weight);
+        let share = self.seen.select(f32x8::splat(simd, share * alike), f32x8::splat(simd, share));
+        let weight = self.weight * share;
         for c in 0..3 {
             self.colours[c] += weight * sample[c];
         }
@@ -676,25 +722,27 @@ impl<S: Simd> Adding<S> {
 }
 
 impl There<'_> {
-    /// Red, green and blue of a pixel, and the means around it with their deviations, where those of all planes lie side by side.
+    /// Red, green and blue of a pixel, where those of all planes lie side by side.
     #[inline(always)]
-    fn side_by_side<S: Simd>(&self, simd: S, first: usize, pixel: usize) -> ([f32x8<S>; 3], [f32x8<S>; 2]) {
-        let (planes, lights, scale) = (self.frame.samples.planes, self.frame.means.lights, self.frame.means.scale);
+    fn samples_beside<S: Simd>(&self, simd: S, first: usize, pixel: usize) -> [f32x8<S>; 3] {
+        let planes = self.frame.samples.planes;
         let at = 3 * pixel * planes + first;
+        [self.samples.widen(simd, at), self.samples.widen(simd, at + planes), self.samples.widen(simd, at + 2 * planes)]
+    }
+
+    /// Means of the light around a pixel and their deviations, where those of all planes lie side by side.
+    #[inline(always)]
+    fn means_beside<S: Simd>(&self, simd: S, first: usize, pixel: usize) -> [f32x8<S>; 2] {
+        let (lights, scale) = (self.frame.means.lights, self.frame.means.scale);
         let light = 2 * pixel * lights + first;
-        let sample = [
-            self.samples.widen(simd, at),
-            self.samples.widen(simd, at + planes),
-            self.samples.widen(simd, at + 2 * planes),
-        ];
-        (sample, [self.light.widen(simd, light) * scale, self.light.widen(simd, light + lights) * scale])
+        [self.light.widen(simd, light) * scale, self.light.widen(simd, light + lights) * scale]
     }
 
     /// Red, green and blue of a pixel.
     #[inline(always)]
     fn samples<S: Simd>(&self, simd: S, pixel: usize) -> [f32x8<S>; 3] {
         match self.run {
-            Some(first) => self.side_by_side(simd, first, pixel).0,
+            Some(first) => self.samples_beside(simd, first, pixel),
             None => {
                 let found = self.scattered_samples(pixel);
                 three(|c| found[c].simd_into(simd))
@@ -718,7 +766,7 @@ impl There<'_> {
     #[inline(always)]
     fn means<S: Simd>(&self, simd: S, pixel: usize) -> [f32x8<S>; 2] {
         match self.run {
-            Some(first) => self.side_by_side(simd, first, pixel).1,
+            Some(first) => self.means_beside(simd, first, pixel),
             None => {
                 let [means, deviations] = self.scattered_means(pixel);
                 [means.simd_into(simd), deviations.simd_into(simd)]
@@ -763,8 +811,7 @@ impl<S: Simd> Likeness<S> {
     fn of(&self, here: f32x8<S>, own: f32x8<S>, [there, deviation]: [f32x8<S>; 2]) -> f32x8<S> {
         let d = here - there;
         let mean = (here + there) * 0.5;
-        let b = deviation.max(0.0);
-        let noise = own + b * b;
+        let noise = own + deviation * deviation;
         let scale = self.noise * mean;
         let share = noise / (noise + scale * scale + LEAST_NOISE);
         let contrast = self.contrast * mean;

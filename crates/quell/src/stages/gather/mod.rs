@@ -7,7 +7,7 @@
 //! | reach | `gather.frames` frames before and after; 2 rows around where motion leads |
 //! | equation | mean = sum w c / sum w; n = (sum w)^2 / sum w^2; variance of a sample = weighted spread * n / (n - 1) |
 //! | weight | bilinear share * trust in the surface * decay^distance * likeness of what mirrors show * likeness of the light |
-//! | likeness of the light | 1 where d^2 <= t, else (t / d^2)^2; d: difference of the means of equal light around the pixel, on the same surface, in both frames (`window/light_means.rs`); t = k^2 (v + v') + (`light_contrast` m)^2, v: variances of these means; k^2 from `light_deviations`^2 to `light_deviations_high`^2 as (v + v') / m^2 passes `light_noise`^2 |
+//! | likeness of the light | 1 where d^2 <= t, else (t / d^2)^2; d: difference of the means of equal light around the pixel and where its trajectory leads (between the pixels of the footprint), on the same surface (`window/light_means.rs`); t = k^2 (v + v') + (`light_contrast` m)^2, v: variances of these means; k^2 from `light_deviations`^2 to `light_deviations_high`^2 as (v + v') / m^2 passes `light_noise`^2 |
 //! | source | ours: `docs/sequence.md` |
 //! | parameters | `gather.*` |
 //!

@@ -69,8 +69,7 @@ fn light_likeness(here: vec2f, there: vec2f) -> f32 {
     let d = here.x - there.x;
     let mean = 0.5 * (here.x + there.x);
     let a = max(here.y, 0.0);
-    let b = max(there.y, 0.0);
-    let noise = a * a + b * b;
+    let noise = a * a + there.y * there.y;
     let low = settings.light_deviations;
     let high = settings.light_deviations_high;
     let scale = settings.light_noise * mean;
@@ -111,9 +110,35 @@ fn seen_distance(here: WindowFrame, there: WindowFrame, pixel: vec2i) -> f32 {
     return dot(d, d) * 0.5 / (settings.seen_albedo * settings.seen_albedo) + settings.seen_normal * bend;
 }
 
-// One tap: `share` of the pixel, times what each plane's weight has fallen to; only for the planes in `mask`.
-fn add(there: WindowFrame, pixel: vec2i, share: f32, power: vec4f, mask: u32, itself: bool) {
-    var weights = share * power;
+// A pixel of the footprint from `first` on.
+fn corner_of(first: vec2i, tap: i32) -> vec2i {
+    return first + vec2i(tap & 1, tap >> 1);
+}
+
+// What is left of each plane's weight where the light of another frame, between the pixels of the footprint, differs from the light
+// here; 0 where there is no noise.
+fn likenesses(there: WindowFrame, first: vec2i, shares: vec4f) -> vec4f {
+    let all = shares.x + shares.y + shares.z + shares.w;
+    var found = vec4f(0.0);
+    for (var k = 0u; k < settings.planes; k++) {
+        if (free & (1u << k)) != 0u {
+            continue;
+        }
+        var light = vec2f(0.0);
+        for (var tap = 0; tap < 4; tap++) {
+            if shares[tap] > 0.0 {
+                let around = light_of(k, there, corner_of(first, tap));
+                light += shares[tap] * vec2f(around.x, max(around.y, 0.0));
+            }
+        }
+        found[k] = light_likeness(light_here[k], light / all);
+    }
+    return found;
+}
+
+// One tap: `share` of the pixel, times each plane's weight; only for the planes in `mask`.
+fn add(there: WindowFrame, pixel: vec2i, share: f32, of_frame: vec4f, mask: u32) {
+    var weights = share * of_frame;
     let of_mirrors = settings.seen & mask;
     if of_mirrors != 0u {
         let likeness = weight(seen_distance(frame_at(settings.centre), there, pixel));
@@ -121,14 +146,6 @@ fn add(there: WindowFrame, pixel: vec2i, share: f32, power: vec4f, mask: u32, it
     }
     let counts_here = planes_of(mask) & (there.places != vec4u(PLANE_UNKNOWN));
     weights = select(vec4f(0.0), weights, counts_here);
-    if !itself {
-        weights = select(weights, vec4f(0.0), planes_of(free));
-        for (var k = 0u; k < settings.planes; k++) {
-            if weights[k] > 0.0 {
-                weights[k] *= light_likeness(light_here[k], light_of(k, there, pixel));
-            }
-        }
-    }
     var off = -pivot;
     for (var k = 0u; k < settings.planes; k++) {
         if weights[k] > 0.0 && there.places[k] == PLANE_THERE {
@@ -179,6 +196,8 @@ fn follow(pixel: vec2i, forward: bool, reflected: bool, mask: u32) {
             pixel_size = there.pixel_angle / tracked.inverse_depth;
         }
         var best = 0.0;
+        // Of the four pixels; 0: it shows another surface.
+        var shares = vec4f(0.0);
         for (var tap = 0; tap < 4; tap++) {
             let d = vec2i(tap & 1, tap >> 1);
             let share = select(1.0 - t.x, t.x, d.x == 1) * select(1.0 - t.y, t.y, d.y == 1);
@@ -199,12 +218,19 @@ fn follow(pixel: vec2i, forward: bool, reflected: bool, mask: u32) {
                 best = share;
                 nearest = q;
             }
-            if !repeated {
-                add(there, q, share * trust, power, mask, false);
-            }
+            shares[tap] = share * trust;
         }
         if best == 0.0 {
             return;
+        }
+        if !repeated {
+            let first = vec2i(corner) - vec2i(0, settings.first_row);
+            let of_frame = power * likenesses(there, first, shares);
+            for (var tap = 0; tap < 4; tap++) {
+                if shares[tap] > 0.0 {
+                    add(there, corner_of(first, tap), shares[tap], of_frame, mask);
+                }
+            }
         }
         let s = surface_at(there, nearest);
         // A surface that moves carries its reference along; one that stands keeps the first, so that errors do not add.
@@ -216,7 +242,7 @@ fn follow(pixel: vec2i, forward: bool, reflected: bool, mask: u32) {
 
 // All taps of the pixel, itself first.
 fn gather_trajectories(pixel: vec2i, reflected: bool, mask: u32) {
-    add(frame_at(settings.centre), pixel, 1.0, vec4f(1.0), mask, true);
+    add(frame_at(settings.centre), pixel, 1.0, vec4f(1.0), mask);
     follow(pixel, false, reflected, mask);
     if settings.future != 0u {
         follow(pixel, true, reflected, mask);

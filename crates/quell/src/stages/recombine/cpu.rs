@@ -1,6 +1,6 @@
 //! Light and colour recombined on all threads, a row at once: each step is a loop over numbers beside each other, which becomes vectors.
 
-use super::{factors, mirror_colour, raw};
+use super::{factors, mirror_colour};
 use crate::frame::Rgb;
 use crate::par;
 use crate::plane::Plane;
@@ -16,8 +16,9 @@ pub(crate) fn sum(frame: &PreparedFrame, slots: &[LightSlot], colours: &Rows) ->
 /// As [`super::reference::input`].
 pub(crate) fn input(frame: &PreparedFrame, slots: &[LightSlot], colours: &Rows) -> Plane<Rgb> {
     picture(frame, slots, |slot, y, light| {
-        interleave(channels(colours, y, slot, 0), light);
-        take_raw(frame, slot, 0, y * light.len(), light);
+        let mut own = par::scratch(3 * light.len());
+        let as_it_came = raw_row(frame, slot, 0, y, &mut own);
+        interleave(if as_it_came { &own } else { channels(colours, y, slot, 0) }, light);
     })
 }
 
@@ -80,17 +81,19 @@ fn interleave(channels: &[f32], out: &mut [Rgb]) {
     }
 }
 
-/// A plane of a light as it came, of the pixels from `first` on; where it is not kept `out` stays.
-fn take_raw(frame: &PreparedFrame, slot: &LightSlot, k: usize, first: usize, out: &mut [Rgb]) {
+/// [`super::raw`] of row `y`, three channels one after the other. False, and nothing is written, where it is not kept.
+pub(crate) fn raw_row(frame: &PreparedFrame, slot: &LightSlot, k: usize, y: usize, out: &mut [f32]) -> bool {
     match &frame.stored[slot.light] {
-        Samples::Black => out.fill([0.0; 3]),
+        Samples::Black => out.fill(0.0),
         Samples::Packed(plane) => {
-            for (x, out) in out.iter_mut().enumerate() {
-                *out = frame.samples.at(plane + k, first + x);
+            let w = (out.len() / 3).max(1);
+            for (c, out) in out.chunks_exact_mut(w).enumerate() {
+                frame.samples.channel(plane + k, c, y, out);
             }
         }
-        Samples::Own(_) | Samples::Gone => {}
+        Samples::Own(_) | Samples::Gone => return false,
     }
+    true
 }
 
 /// Of a pixel the input's share, three gains of the filtered colour, three gains of the whole.
@@ -106,8 +109,7 @@ pub(crate) fn rescale(
 ) -> Vec<Vec<Plane<Rgb>>> {
     let (size, width) = (frame.features.size, frame.features.size.width);
     // Of a pixel the input's share, the three gains of the filtered colour, and those of the whole.
-    let mut scales = Rows::new(size, SCALES);
-    par::rows(scales.data_mut(), (SCALES * width).max(1), |y, out| {
+    let scales = Rows::made(size, SCALES, |y, out| {
         for x in 0..width {
             let (own, gain, whole) = factors(before.at(x, y), after.at(x, y), blend, (x, y));
             out[x] = own;
@@ -122,12 +124,10 @@ pub(crate) fn rescale(
         par::rows(plane.data_mut(), width, |y, out| {
             let filtered = channels(colours, y, slot, k);
             let scales = &scales.data()[scales.start(y, 0)..][..SCALES * width];
-            let mut light = filtered.to_vec();
-            for x in (0..width).filter(|x| scales[*x] > 0.0) {
-                let Some(raw) = raw(frame, slot, k, y * width + x) else { break };
-                for c in 0..3 {
-                    light[c * width + x] = raw[c];
-                }
+            let mut light = par::scratch(3 * width);
+            let has_share = scales[..width].iter().any(|own| *own > 0.0);
+            if !(has_share && raw_row(frame, slot, k, y, &mut light)) {
+                light.copy_from_slice(filtered);
             }
             widest!(mix(&mut light, filtered, scales));
             interleave(&light, out);
@@ -152,7 +152,8 @@ fn mix(light: &mut [f32], filtered: &[f32], scales: &[f32]) {
         let (light, filtered) = (&mut light[c * n..][..n], &filtered[c * n..][..n]);
         let (gain, whole) = (&gains[c * n..][..n], &whole[c * n..][..n]);
         for (x, own) in own.iter().enumerate() {
-            light[x] = (filtered[x] + own * (light[x] - filtered[x]) + gain[x] * filtered[x]) * whole[x];
+            let raw = if *own > 0.0 { light[x] } else { filtered[x] };
+            light[x] = (filtered[x] + own * (raw - filtered[x]) + gain[x] * filtered[x]) * whole[x];
         }
     }
 }

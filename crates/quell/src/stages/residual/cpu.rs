@@ -6,7 +6,7 @@ use crate::par;
 use crate::plane::{Plane, Size};
 use crate::sequence::settings::Residual;
 use crate::simd::widest;
-use crate::stages::recombine::raw;
+use crate::stages::recombine::cpu::raw_row;
 use crate::window::{LightSlot, PreparedFrame, Rows, Samples};
 use std::ops::Range;
 
@@ -19,10 +19,9 @@ pub(crate) fn run(frame: &PreparedFrame, slots: &[LightSlot], mut colours: Rows,
     // One light is kept in the cache, but a loop over its rows is too short for many threads.
     let together = if par::many() { lights.len() } else { 1 };
     for lights in lights.chunks(together.max(1)) {
-        let mut own = Rows::new(size, 3 * lights.len());
-        par::rows(own.data_mut(), 3 * lights.len() * w, |y, row| {
+        let own = Rows::made(size, 3 * lights.len(), |y, row| {
             for (slot, row) in lights.iter().zip(row.chunks_exact_mut(3 * w)) {
-                widest!(own_row(frame, slot, y, row));
+                raw_row(frame, slot, 0, y, row);
             }
         });
         let planes: Vec<_> = lights.iter().map(|slot| slot.first..slot.first + slot.planes).collect();
@@ -35,15 +34,13 @@ pub(crate) fn run(frame: &PreparedFrame, slots: &[LightSlot], mut colours: Rows,
 pub(crate) fn picture(first: usize, input: &Plane<Rgb>, mut picture: Plane<Rgb>, s: &Residual) -> Plane<Rgb> {
     let w = picture.size().width;
     let rows = |plane: &Plane<Rgb>| {
-        let mut rows = Rows::new(plane.size(), 3);
-        par::rows(rows.data_mut(), 3 * w, |y, row| {
+        Rows::made(plane.size(), 3, |y, row| {
             let [red, green, blue] = three_parts(row, w);
             let colours = red.iter_mut().zip(green).zip(blue);
             for (((red, green), blue), colour) in colours.zip(&plane.data()[y * w..]) {
                 [*red, *green, *blue] = *colour;
             }
-        });
-        rows
+        })
     };
     let mut corrected = rows(&picture);
     let planes = std::slice::from_ref(&(0..1));
@@ -70,17 +67,6 @@ fn correct(
         let sums = level.sums(own, colours);
         let noise = noise.get_or_insert_with(|| level.noise_around(&sums));
         level.apply(own, colours, &level.changes(&sums, noise));
-    }
-}
-
-/// A row of the light as it came.
-#[inline(always)]
-fn own_row(frame: &PreparedFrame, slot: &LightSlot, y: usize, row: &mut [f32]) {
-    let w = row.len() / 3;
-    let [red, green, blue] = three_parts(row, w);
-    for (x, ((red, green), blue)) in red.iter_mut().zip(green).zip(blue).enumerate() {
-        let value = raw(frame, slot, 0, y * w + x).unwrap_or([0.0; 3]);
-        (*red, *green, *blue) = (value[0], value[1], value[2]);
     }
 }
 
@@ -113,44 +99,37 @@ impl Level<'_> {
         let Size { width: w, height: h } = own.size();
         let (cell, first) = (self.cell, self.first % self.cell);
         let size = Size::new(cells(0, w, cell), cells(self.first, h, cell));
-        let channels = SUMS * self.planes.len();
-        let mut sums = Rows::new(size, channels);
-        par::rows(sums.data_mut(), channels * size.width, |v, out| {
+        Rows::made(size, SUMS * self.planes.len(), |v, out| {
             let rows = (v * cell).saturating_sub(first)..((v + 1) * cell - first).min(h);
             for (light, out) in out.chunks_exact_mut(SUMS * size.width).enumerate() {
                 widest!(self.sums_row(own, (colours, light), rows.clone(), out));
             }
-        });
-        sums
+        })
     }
 
     /// Every channel smoothed by the triangle over both axes.
     fn smoothed(&self, sums: &Rows) -> Rows {
         let (size, channels) = (sums.size(), sums.channels());
-        let mut across = Rows::new(size, channels);
-        par::rows(across.data_mut(), channels * size.width, |v, out| {
+        let across = Rows::made(size, channels, |v, out| {
             for (c, out) in out.chunks_exact_mut(size.width).enumerate() {
                 widest!(smooth_across(sums.row(v, c), &self.kernel, out));
             }
         });
-        let mut smooth = Rows::new(size, channels);
-        par::rows(smooth.data_mut(), channels * size.width, |v, out| {
+        Rows::made(size, channels, |v, out| {
             let reach = self.kernel.len() - 1;
             for u in v.saturating_sub(reach)..(v + reach + 1).min(size.height) {
                 let k = self.kernel[u.abs_diff(v)];
                 for (c, sums) in out.chunks_exact_mut(size.width).enumerate() {
-                    sums.iter_mut().zip(across.row(u, c)).for_each(|(sum, value)| *sum += k * value);
+                    widest!(add_scaled(sums, across.row(u, c), k));
                 }
             }
-        });
-        smooth
+        })
     }
 
     /// Mean over the triangle of the cells' own squared relative noise.
     fn noise_around(&self, sums: &Rows) -> Rows {
         let (size, lights) = (sums.size(), self.planes.len());
-        let mut own = Rows::new(size, lights);
-        par::rows(own.data_mut(), lights * size.width, |v, out| {
+        let own = Rows::made(size, lights, |v, out| {
             for (light, out) in out.chunks_exact_mut(size.width).enumerate() {
                 widest!(self.noise_row(sums, (v, light), out));
             }
@@ -187,15 +166,12 @@ impl Level<'_> {
     /// What each cell is multiplied by, less 1: three channels of each light. `noise`: of the coarsest level's cells.
     fn changes(&self, sums: &Rows, noise: &Rows) -> Rows {
         let (smooth, size) = (self.smoothed(sums), sums.size());
-        let channels = 3 * self.planes.len();
-        let mut changes = Rows::new(size, channels);
-        par::rows(changes.data_mut(), channels * size.width, |v, out| {
+        Rows::made(size, 3 * self.planes.len(), |v, out| {
             for (light, out) in out.chunks_exact_mut(3 * size.width).enumerate() {
                 let around = noise.row(holding(self.first, v, self.cell), light);
                 widest!(self.changes_row(&smooth, (v, light), around, out));
             }
-        });
-        changes
+        })
     }
 
     /// Sums of a row of cells, which hold `rows` of pixels, of one light.
@@ -349,6 +325,11 @@ fn spread<const N: usize>(row: &[f32], columns: &[Between], out: &mut [f32]) {
         }
     }
     spread_some(row, &columns[done..], &mut out[done..]);
+}
+
+#[inline(always)]
+fn add_scaled(sums: &mut [f32], values: &[f32], k: f32) {
+    sums.iter_mut().zip(values).for_each(|(sum, value)| *sum += k * value);
 }
 
 /// A row smoothed by a triangle, as far as it goes.

@@ -3,7 +3,7 @@
 use super::cpu::{Fronts, Track};
 use super::{
     BOUNDED, BRIGHTNESS, BandwidthLanes, Bounds, LEAST_OWN, LIGHT, PARTS, ShownLanes, StabiliseFrame, TAPS_AROUND,
-    TAPS_IN_TIME, albedo_around, bandwidth_lanes, log_brightness, normal_at, own_weight, restored,
+    TAPS_IN_TIME, bandwidth_lanes, log_brightness, own_weight, restored,
 };
 #[cfg(feature = "internals")]
 use super::{Signature, signature_at};
@@ -12,7 +12,7 @@ use crate::kernels::lanes::{BLOCK, exp2, inside, load, load_halves, load_halves_
 use crate::par;
 use crate::plane::{Plane, Size};
 use crate::sequence::settings::{Gather, Stabilise};
-use crate::simd::dispatch;
+use crate::simd::{dispatch, widest};
 use crate::stages::blend::BlendFrame;
 use crate::stages::blend::cpu::{Band, PictureNoise, around as blend_around, bands, mean_colours};
 use crate::stages::firefly::cpu::median;
@@ -26,27 +26,92 @@ pub(crate) fn signature(features: &Features, picture: &Plane<Rgb>) -> Rows {
     let size = picture.size();
     let w = size.width;
     let channels = super::SIGNATURE;
-    let mut out = Rows::new(size, channels);
+    let mut out = Rows::unset(size, channels);
     for rows in bands(size.height) {
         let wide = mean_colours(picture, super::WIDE, &rows);
         let sums = padded_sums(picture, &rows);
+        let normals = padded_normals(features, &rows);
         par::rows(&mut out.data_mut()[channels * rows.start * w..channels * rows.end * w], channels * w, |y, row| {
             let y = rows.start + y;
-            for x in 0..w {
-                let normal = normal_around(features, x, y);
-                let albedo = albedo_around(features, y * w + x);
-                let parts = [binomial(picture, x, y), wide.colour(x, y, 0), albedo, normal];
-                for (part, v) in parts.into_iter().enumerate() {
-                    for (c, v) in v.into_iter().enumerate() {
-                        row[(3 * part + c) * w + x] = v;
-                    }
+            let lines = [y.saturating_sub(1), y, (y + 1).min(size.height - 1)];
+            let (near, rest) = row.split_at_mut(3 * w);
+            widest!(binomial_row(lines.map(|y| picture.row(y)), near));
+            let (window, rest) = rest.split_at_mut(3 * w);
+            window.copy_from_slice(wide.channels(y));
+            let (albedo, rest) = rest.split_at_mut(3 * w);
+            for (c, albedo) in albedo.chunks_exact_mut(w).enumerate() {
+                match &features.albedo_around {
+                    Some(around) => around.channel(0, c, y, albedo),
+                    None => albedo.fill(0.0),
                 }
+            }
+            // Rows that there are.
+            let lines = &lines[usize::from(y == 0)..3 - usize::from(y + 1 == size.height)];
+            for (c, out) in rest[..3 * w].chunks_exact_mut(w).enumerate() {
+                widest!(mean_row(lines.iter().map(|y| normals.row(*y, c)), out));
             }
             let around = [y.saturating_sub(1), y, (y + 1).min(size.height - 1)].map(|y| sums.row(y, 0));
             dispatch!(crate::simd::level(), simd => brightness(simd, &around, &mut row[BRIGHTNESS * w..]));
         });
     }
     out
+}
+
+/// Binomial 3x3 of a row, channel by channel; beyond the border the border counts.
+#[inline(always)]
+fn binomial_row(lines: [&[Rgb]; 3], out: &mut [f32]) {
+    let w = lines[0].len();
+    let last = w - 1;
+    let mut sums = par::scratch(3 * w);
+    for (line, v) in lines.into_iter().zip([0.25, 0.5, 0.25]) {
+        let line = line.as_flattened();
+        let (ends, share) = ([&line[..3], &line[3 * last..]], 0.25 * v);
+        sums[..3].iter_mut().zip(ends[0]).for_each(|(sum, value)| *sum += share * value);
+        sums[3..].iter_mut().zip(line).for_each(|(sum, value)| *sum += share * value);
+        let middle = 0.5 * v;
+        sums.iter_mut().zip(line).for_each(|(sum, value)| *sum += middle * value);
+        sums[..3 * last].iter_mut().zip(&line[3..]).for_each(|(sum, value)| *sum += share * value);
+        sums[3 * last..].iter_mut().zip(ends[1]).for_each(|(sum, value)| *sum += share * value);
+    }
+    let (red, rest) = out.split_at_mut(w);
+    let (green, blue) = rest.split_at_mut(w);
+    for (x, sum) in sums.as_chunks::<3>().0.iter().enumerate() {
+        (red[x], green[x], blue[x]) = (sum[0], sum[1], sum[2]);
+    }
+}
+
+/// The normals that [`normal_at`] gives of these rows and those around, channel by channel, with a zero more at either end.
+fn padded_normals(features: &Features, rows: &Range<usize>) -> Band {
+    let (w, h) = (features.size.width, features.size.height);
+    Band::filled(&blend_around(rows, 1, h), w + 2, 3, |y, out| {
+        for (c, out) in out.chunks_exact_mut(w + 2).enumerate() {
+            let out = &mut out[1..=w];
+            match (&features.seen, features.has_seen[1]) {
+                (Some(seen), true) => seen.channel(1, c, y, out),
+                _ => {
+                    for (out, surface) in out.iter_mut().zip(&features.surface[y * w..]) {
+                        *out = surface.normal[c];
+                    }
+                }
+            }
+        }
+    })
+}
+
+/// The mean over three columns of some padded rows, of those that lie in the picture.
+#[inline(always)]
+fn mean_row<'a>(lines: impl ExactSizeIterator<Item = &'a [f32]>, out: &mut [f32]) {
+    let (w, rows) = (out.len(), lines.len() as f32);
+    out.fill(0.0);
+    for line in lines {
+        for dx in 0..3 {
+            out.iter_mut().zip(&line[dx..]).for_each(|(sum, value)| *sum += value);
+        }
+    }
+    for (x, out) in out.iter_mut().enumerate() {
+        let columns = 3.0 - f32::from(u8::from(x == 0)) - f32::from(u8::from(x + 1 == w));
+        *out /= rows * columns;
+    }
 }
 
 /// Red + green + blue of these rows and those around, with a pixel more at either end: beyond the border the border counts.
@@ -716,39 +781,6 @@ pub(crate) struct Tap {
     pub offset: f32,
     /// Frames between.
     pub away: usize,
-}
-
-/// Mean over 3x3 of what lies in the picture.
-fn normal_around(features: &Features, x: usize, y: usize) -> [f32; 3] {
-    let (w, h) = (features.size.width, features.size.height);
-    let (mut sum, mut n) = ([0.0f32; 3], 0.0f32);
-    for qy in y.saturating_sub(1)..(y + 2).min(h) {
-        for qx in x.saturating_sub(1)..(x + 2).min(w) {
-            let normal = normal_at(features, qy * w + qx);
-            for k in 0..3 {
-                sum[k] += normal[k];
-            }
-            n += 1.0;
-        }
-    }
-    sum.map(|v| v / n)
-}
-
-/// Binomial 3x3; beyond the border the border counts.
-fn binomial(plane: &Plane<Rgb>, x: usize, y: usize) -> Rgb {
-    let size = plane.size();
-    let around = |v: usize, extent: usize| [v.saturating_sub(1), v, (v + 1).min(extent - 1)];
-    let (xs, ys) = (around(x, size.width), around(y, size.height));
-    let mut sum = [0.0f32; 3];
-    for (y, v) in ys.into_iter().zip([0.25, 0.5, 0.25]) {
-        for (x, u) in xs.into_iter().zip([0.25, 0.5, 0.25]) {
-            let c = plane.at(x, y);
-            for k in 0..3 {
-                sum[k] += u * v * c[k];
-            }
-        }
-    }
-    sum
 }
 
 /// What the net's form reads of chosen pixels, for its training: see [`TRAINING_CHANNELS`].
