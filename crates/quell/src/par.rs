@@ -117,7 +117,7 @@ static SPARES: std::sync::Mutex<Spares> = std::sync::Mutex::new(Spares(Vec::new(
 
 impl Spares {
     /// Buffers that are kept at most. Few: what is kept is there for nobody else.
-    const MOST: usize = 4;
+    const MOST: usize = 3;
     /// The least elements of one. Few in tests, so that small pictures use them.
     const LEAST: usize = if cfg!(test) { 64 } else { 1 << 16 };
 
@@ -279,7 +279,7 @@ mod tests {
     #[test]
     fn buffers_of_about_the_size_are_used_again() {
         let mut spares = Spares(Vec::new());
-        for size in [1000, 2000, 1400, 3000] {
+        for size in [1000, 2000, 1400] {
             assert!(spares.keep(Vec::with_capacity(size)).is_none());
         }
         assert_eq!(spares.take(1200).map(|v| v.capacity()), Some(1400));

@@ -33,8 +33,8 @@ pub(crate) use dispatch;
 #[cfg(not(target_arch = "x86_64"))]
 pub(crate) use fearless_simd::dispatch;
 
-/// Runs a call of an `#[inline(always)]` function on the widest vectors. Products and sums are never fused: the same
-/// bits on every machine.
+/// Runs a call of an `#[inline(always)]` function on the widest vectors. Products and sums are fused only where that is asked for by
+/// name (`mul_add_precise`, which rounds once on every machine): the same bits on every machine.
 macro_rules! widest {
     ($call:expr) => {{
         crate::simd::dispatch!(crate::simd::level(), _simd => $call);
@@ -72,7 +72,7 @@ mod tests {
         out
     }
 
-    /// Products and sums are never fused, so instruction sets that can fuse them give the bits of those that cannot.
+    /// Products and sums are not fused, or by `mul_add_precise`, so instruction sets that can fuse them give the bits of those that cannot.
     #[test]
     fn every_instruction_set_gives_the_same_bits() {
         let best = Level::new();

@@ -21,11 +21,17 @@ impl Rows {
     /// Made row by row, on all threads: `f(y, all channels of the row one after the other)`; a row is 0 before.
     #[cfg(feature = "cpu")]
     pub(crate) fn made(size: Size, channels: usize, f: impl Fn(usize, &mut [f32]) + Sync + Send) -> Self {
-        let mut rows = Self::unset(size, channels);
-        par::rows(&mut rows.data, (channels * size.width).max(1), |y, row| {
+        Self::written(size, channels, |y, row| {
             row.fill(0.0);
             f(y, row);
-        });
+        })
+    }
+
+    /// The same where `f` writes all of a row.
+    #[cfg(feature = "cpu")]
+    pub(crate) fn written(size: Size, channels: usize, f: impl Fn(usize, &mut [f32]) + Sync + Send) -> Self {
+        let mut rows = Self::unset(size, channels);
+        par::rows(&mut rows.data, (channels * size.width).max(1), f);
         rows
     }
 

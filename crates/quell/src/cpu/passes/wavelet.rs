@@ -48,7 +48,7 @@ fn compared(
 }
 
 fn stops(local: &LocalFeatures, slots: &[LightSlot], compared: &Rows, s: &Wavelet) -> Rows {
-    Rows::made(local.size, slots.len(), |y, out| {
+    Rows::written(local.size, slots.len(), |y, out| {
         dispatch!(crate::simd::level(), simd => stops_row(simd, local, slots, compared, s, y, out));
     })
 }

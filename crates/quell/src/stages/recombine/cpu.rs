@@ -109,7 +109,7 @@ pub(crate) fn rescale(
 ) -> Vec<Vec<Plane<Rgb>>> {
     let (size, width) = (frame.features.size, frame.features.size.width);
     // Of a pixel the input's share, the three gains of the filtered colour, and those of the whole.
-    let scales = Rows::made(size, SCALES, |y, out| {
+    let scales = Rows::written(size, SCALES, |y, out| {
         for x in 0..width {
             let (own, gain, whole) = factors(before.at(x, y), after.at(x, y), blend, (x, y));
             out[x] = own;

@@ -19,7 +19,7 @@ pub(crate) fn run(frame: &PreparedFrame, slots: &[LightSlot], mut colours: Rows,
     // One light is kept in the cache, but a loop over its rows is too short for many threads.
     let together = if par::many() { lights.len() } else { 1 };
     for lights in lights.chunks(together.max(1)) {
-        let own = Rows::made(size, 3 * lights.len(), |y, row| {
+        let own = Rows::written(size, 3 * lights.len(), |y, row| {
             for (slot, row) in lights.iter().zip(row.chunks_exact_mut(3 * w)) {
                 raw_row(frame, slot, 0, y, row);
             }
@@ -34,7 +34,7 @@ pub(crate) fn run(frame: &PreparedFrame, slots: &[LightSlot], mut colours: Rows,
 pub(crate) fn picture(first: usize, input: &Plane<Rgb>, mut picture: Plane<Rgb>, s: &Residual) -> Plane<Rgb> {
     let w = picture.size().width;
     let rows = |plane: &Plane<Rgb>| {
-        Rows::made(plane.size(), 3, |y, row| {
+        Rows::written(plane.size(), 3, |y, row| {
             let [red, green, blue] = three_parts(row, w);
             let colours = red.iter_mut().zip(green).zip(blue);
             for (((red, green), blue), colour) in colours.zip(&plane.data()[y * w..]) {
@@ -110,7 +110,7 @@ impl Level<'_> {
     /// Every channel smoothed by the triangle over both axes.
     fn smoothed(&self, sums: &Rows) -> Rows {
         let (size, channels) = (sums.size(), sums.channels());
-        let across = Rows::made(size, channels, |v, out| {
+        let across = Rows::written(size, channels, |v, out| {
             for (c, out) in out.chunks_exact_mut(size.width).enumerate() {
                 widest!(smooth_across(sums.row(v, c), &self.kernel, out));
             }
@@ -166,7 +166,7 @@ impl Level<'_> {
     /// What each cell is multiplied by, less 1: three channels of each light. `noise`: of the coarsest level's cells.
     fn changes(&self, sums: &Rows, noise: &Rows) -> Rows {
         let (smooth, size) = (self.smoothed(sums), sums.size());
-        Rows::made(size, 3 * self.planes.len(), |v, out| {
+        Rows::written(size, 3 * self.planes.len(), |v, out| {
             for (light, out) in out.chunks_exact_mut(3 * size.width).enumerate() {
                 let around = noise.row(holding(self.first, v, self.cell), light);
                 widest!(self.changes_row(&smooth, (v, light), around, out));
