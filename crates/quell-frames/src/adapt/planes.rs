@@ -54,10 +54,17 @@ pub(crate) fn gather<const N: usize>(
     outside: [f32; N],
 ) -> Result<Plane<[f32; N]>, Error> {
     let mut plane = Plane::filled(canvas.size, outside);
+    let mut found = Vec::with_capacity(N);
     for component in 0..N {
         let Some(id) = channels.get(component).or(channels.last()) else { break };
-        let (samples, window) = samples(images, *id)?;
-        spread(samples, (canvas, window), &mut plane, component);
+        found.push(samples(images, *id)?);
+    }
+    // Channels of one part together: each row of the plane is met once.
+    let mut first = 0;
+    for same in found.chunk_by(|a, b| a.1 == b.1) {
+        let samples: Vec<_> = same.iter().map(|(samples, _)| *samples).collect();
+        spread(&samples, (canvas, same[0].1), &mut plane, first);
+        first += same.len();
     }
     Ok(plane)
 }
@@ -65,12 +72,12 @@ pub(crate) fn gather<const N: usize>(
 /// Rows that a thread takes at once.
 const ROWS: usize = 16;
 
-/// Samples of a channel to a component of the canvas' pixels, on all threads.
+/// Samples of channels to components of the canvas' pixels from `first_component` on, on all threads.
 fn spread<const N: usize>(
-    samples: &Samples,
+    samples: &[&Samples],
     (canvas, window): (Window, Window),
     plane: &mut Plane<[f32; N]>,
-    component: usize,
+    first_component: usize,
 ) {
     let width = canvas.size.width.max(1);
     let places: Vec<_> = rows(canvas, window).collect();
@@ -78,7 +85,9 @@ fn spread<const N: usize>(
     let lines = plane.data_mut().get_mut(first..).unwrap_or_default().par_chunks_mut(width);
     lines.zip(&places).with_min_len(ROWS).for_each(|(line, (at, from, count))| {
         if let Some(into) = line.get_mut(at % width..at % width + count) {
-            copy(samples, *from, into, component);
+            for (i, samples) in samples.iter().enumerate() {
+                copy(samples, *from, into, first_component + i);
+            }
         }
     });
 }
@@ -168,7 +177,7 @@ pub(super) fn one<const N: usize>(
         }
     });
     let (stored, clamped) = Samples::from_f32(values, kind);
-    spread(&stored, (canvas, window), plane, component);
+    spread(&[&stored], (canvas, window), plane, component);
     if let Some(image) = images.get_mut(id.file) {
         image.replace(id.part, id.channel, stored)?;
     }

@@ -385,9 +385,8 @@ impl Samples {
     fn copy_row(&mut self, at: usize, count: usize, bytes: &[u8]) {
         fn copy<T: Pod>(into: &mut [T], at: usize, count: usize, bytes: &[u8]) {
             let Some(into) = into.get_mut(at..at + count) else { return };
-            for (value, bytes) in into.iter_mut().zip(bytes.chunks_exact(size_of::<T>())) {
-                *value = bytemuck::pod_read_unaligned(bytes);
-            }
+            let whole = count.min(bytes.len() / size_of::<T>());
+            bytemuck::cast_slice_mut(&mut into[..whole]).copy_from_slice(&bytes[..whole * size_of::<T>()]);
         }
         match self {
             Self::Half(v) => copy(v, at, count, bytes),

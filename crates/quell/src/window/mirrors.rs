@@ -51,7 +51,8 @@ pub(super) fn mirror_colour(frame: &SequenceFrame, s: &Mirrors) -> Option<Sparse
     }
     colour_lamps(frame.size, &mut colours, lamps);
     divide_edges(frame, &mut colours, s);
-    Some(Sparse::new(colours.len(), |i| half_or_full(colours[i]), |_| WHITE))
+    let kept = |i: usize| if colours[i] == WHITE { WHITE } else { half_or_full(colours[i]) };
+    Some(Sparse::new(colours.len(), kept, |_| WHITE))
 }
 
 /// Where a mirror shows the sun, `seen` is its radiance, thousands or infinity. It takes the colour of what is beside it

@@ -18,6 +18,30 @@ pub(super) fn fits(value: f32) -> bool {
     value.abs() <= f16::MAX.to_f32_const()
 }
 
+/// Numbers in half precision, where that holds all of them to the bit; `nan`: what is no number counts as held.
+pub(super) fn exact_halves<const N: usize>(values: &[[f32; N]], nan: bool) -> Option<Vec<[f16; N]>> {
+    // Converted a piece at a time: asked for one number, `half` looks each time for the instruction.
+    const PIECE: usize = 1 << 12;
+    let lost = AtomicBool::new(false);
+    let mut halves = vec![[f16::ZERO; N]; values.len()];
+    par::rows(&mut halves, PIECE, |i, halves| {
+        if lost.load(Ordering::Relaxed) {
+            return;
+        }
+        let values = values[i * PIECE..][..halves.len()].as_flattened();
+        let halves = halves.as_flattened_mut();
+        halves.convert_from_f32_slice(values);
+        let mut back = par::scratch(values.len());
+        halves.convert_to_f32_slice(&mut back);
+        let exact =
+            |(value, back): (&f32, &f32)| (fits(*value) & (back.to_bits() == value.to_bits())) | (nan & value.is_nan());
+        if !values.iter().zip(&*back).fold(true, |all, pair| all & exact(pair)) {
+            lost.store(true, Ordering::Relaxed);
+        }
+    });
+    (!lost.into_inner()).then_some(halves)
+}
+
 /// A colour as it is kept: rounded to half precision, where that holds it.
 pub(crate) fn half_or_full(colour: Rgb) -> Rgb {
     if colour.iter().all(|v| fits(*v)) { colour.map(|v| f16::from_f32(v).to_f32()) } else { colour }
@@ -147,12 +171,7 @@ pub(crate) enum Weight {
 
 impl Weight {
     pub(crate) fn new(plane: &Plane<Rgb>) -> Self {
-        let exact = |v: f32| fits(v) && f16::from_f32(v).to_f32().to_bits() == v.to_bits();
-        if !par::any(plane.data(), |c| !c.iter().all(|v| exact(*v))) {
-            Self::Half(par::map(plane.data(), |c| c.map(f16::from_f32)))
-        } else {
-            Self::Full(plane.clone())
-        }
+        exact_halves(plane.data(), false).map_or_else(|| Self::Full(plane.clone()), Self::Half)
     }
 
     #[inline(always)]

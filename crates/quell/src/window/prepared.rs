@@ -237,6 +237,11 @@ impl std::fmt::Debug for PreparedFrame {
 /// What is not finite becomes black; how many pixels.
 fn repair(plane: &mut Plane<Rgb>) -> usize {
     par::count(plane.data_mut(), |colours| {
+        // Seldom: asked of a whole piece at once first.
+        let largest = colours.as_flattened().iter().fold(0, |most: u32, v| most.max(v.to_bits() & !(1 << 31)));
+        if largest < f32::INFINITY.to_bits() {
+            return 0;
+        }
         let mut repaired = 0;
         for value in colours.iter_mut().filter(|value| !value.iter().all(|c| c.is_finite())) {
             *value = [0.0; 3];

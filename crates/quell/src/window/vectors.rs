@@ -1,6 +1,6 @@
 //! Motion as it waits in a window of frames.
 
-use super::packed::fits;
+use super::packed::exact_halves;
 use crate::kernels::halves::widen;
 use crate::par;
 use crate::plane::{Plane, Size};
@@ -18,11 +18,9 @@ pub enum Vectors {
 impl Vectors {
     /// What is no number stays none.
     pub fn new(plane: Plane<[f32; 2]>) -> Self {
-        let exact = |v: f32| v.is_nan() || fits(v) && f16::from_f32(v).to_f32().to_bits() == v.to_bits();
-        if !par::any(plane.data(), |v| !v.iter().all(|v| exact(*v))) {
-            Self::Half(plane.size(), par::map(plane.data(), |v| v.map(f16::from_f32)))
-        } else {
-            Self::Full(plane)
+        match exact_halves(plane.data(), true) {
+            Some(halves) => Self::Half(plane.size(), halves),
+            None => Self::Full(plane),
         }
     }
 
