@@ -382,7 +382,7 @@ mod tests {
                 let (c, dy, dx) = (k / (side * side), k / side % side, k % side);
                 let qx = (x as isize + dx as isize - around).clamp(0, w as isize - 1) as usize;
                 let qy = (y as isize + dy as isize - around).clamp(0, h as isize - 1) as usize;
-                sum += weight * inputs.at(qx, qy, c);
+                sum = weight.mul_add(inputs.at(qx, qy, c), sum);
             }
             out.set(x, y, o, if rectify && sum < 0.0 { LEAK * sum } else { sum });
         }
