@@ -19,6 +19,7 @@ pub(crate) static STAGES: SequenceStages = SequenceStages {
     likeness: stabilise::reference::likeness,
     signature: stabilise::reference::signature,
     stabilise: stabilise::reference::run,
+    along: None,
     blend: blend::reference::run,
     rescale: recombine::reference::rescale,
 };

@@ -244,6 +244,7 @@ fn every_stage_agrees_with_its_reference() {
             likeness: Some(&likeness[i]),
             signature: Some(&signatures[i]),
             alpha: members[i].alpha.as_ref(),
+            along: None,
         })
         .collect();
     for (net, name) in [(false, "stabilise by hand"), (true, "stabilise")] {
@@ -261,7 +262,13 @@ fn every_stage_agrees_with_its_reference() {
         vec![colours("corrected picture", &corrected)]
     });
     let shown: Vec<_> = (members.iter().zip(&raw).zip(&pictures))
-        .map(|((f, input), picture)| BlendFrame { features: &f.features, input, picture, alpha: f.alpha.as_ref() })
+        .map(|((f, input), picture)| BlendFrame {
+            features: &f.features,
+            input,
+            picture,
+            alpha: f.alpha.as_ref(),
+            along: None,
+        })
         .collect();
     let mut blended = None;
     for net in [false, true] {
@@ -314,6 +321,7 @@ fn stages_agree_where_buffers_and_neighbours_are_missing() {
                 likeness: None,
                 signature: Some(&signature),
                 alpha: None,
+                along: None,
             };
             let (steady, alpha) = (stages.stabilise)(&[only], 0, &s.gather, &s.stabilise);
             assert!(alpha.is_none());

@@ -222,7 +222,7 @@ impl<'a> FinishJob<'a> {
             stabilise::kept((stages.signature)(&frame.features, &estimate.picture))
         };
         let signatures: Vec<_> = self.frames.iter().map(signature).collect();
-        let mut window = stabilise_window(self.frames);
+        let mut window = stabilise_window(self.frames, None);
         window.iter_mut().zip(&signatures).for_each(|(frame, signature)| frame.signature = Some(signature));
         let gather = self.gather();
         let (mut steady, alpha) = (stages.stabilise)(&window, self.centre, &gather, &s.stabilise);

@@ -41,6 +41,8 @@ pub(crate) struct SequenceStages {
     pub picture_residual: fn(usize, &Plane<Rgb>, Plane<Rgb>, &settings::Residual) -> Plane<Rgb>,
     pub signature: fn(&Features, &Plane<Rgb>) -> Rows,
     pub stabilise: fn(&[StabiliseFrame<'_>], usize, &Gather, &Stabilise) -> SteadyPicture,
+    /// What `stabilise` and `blend` both ask of the trajectories, found once for both; `None`: each finds it for itself.
+    pub along: Option<fn(&[BlendFrame<'_>], usize, &Gather) -> Rows>,
     pub blend: BlendStage,
     pub rescale: Rescale,
 }
@@ -250,13 +252,20 @@ pub(crate) fn finish(
         (steady, blend) = (Some(picture), Some(found));
     }
     let gather = gather::settings_of(&s.gather, &frame.features);
+    let asked = !on_device && plan.runs(SequenceStage::Blend);
+    let along = stages
+        .along
+        .filter(|_| asked)
+        .map(|along| times.during("blend: trajectories", || along(&blend_window(frames, None), centre, &gather)));
+    let along = along.as_ref().map(|along| (centre, along));
     for stage in plan.stages().filter(|stage| !within_window(*stage)) {
         if stage == SequenceStage::ReflectionMotion || (on_device && stage != SequenceStage::Rescale) {
             continue;
         }
         times.during(stage.name(), || match stage {
             SequenceStage::Stabilise => {
-                let (picture, alpha) = (stages.stabilise)(&stabilise_window(frames), centre, &gather, &s.stabilise);
+                let (picture, alpha) =
+                    (stages.stabilise)(&stabilise_window(frames, along), centre, &gather, &s.stabilise);
                 (steady, finished.alpha) = (Some(picture), alpha);
             }
             SequenceStage::PictureResidual => {
@@ -268,7 +277,8 @@ pub(crate) fn finish(
             SequenceStage::Blend => {
                 let after = steady.as_ref().unwrap_or(&estimate.picture);
                 let after = (after, finished.alpha.as_ref());
-                let mut found = (stages.blend)(&blend_window(frames), centre, after, (&gather, &s.stabilise), &s.blend);
+                let mut found =
+                    (stages.blend)(&blend_window(frames, along), centre, after, (&gather, &s.stabilise), &s.blend);
                 finished.alpha = found.alpha.take();
                 finished.noise = Some(take(&mut found.noise));
                 blend = Some(found);
@@ -288,26 +298,34 @@ fn take(plane: &mut Plane<f32>) -> Plane<f32> {
     std::mem::replace(plane, Plane::filled(Size::new(0, 0), 0.0))
 }
 
-pub(super) fn stabilise_window<'a>(frames: &'a [(&PreparedFrame, &Estimate)]) -> Vec<StabiliseFrame<'a>> {
-    let one = |(frame, estimate): &(&'a PreparedFrame, &'a Estimate)| StabiliseFrame {
+/// Of one frame of a window what its trajectories show: [`BlendFrame::along`].
+type Along<'a> = Option<(usize, &'a Rows)>;
+
+pub(super) fn stabilise_window<'a>(
+    frames: &'a [(&PreparedFrame, &Estimate)],
+    along: Along<'a>,
+) -> Vec<StabiliseFrame<'a>> {
+    let one = |(i, (frame, estimate)): (usize, &(&'a PreparedFrame, &'a Estimate))| StabiliseFrame {
         features: &frame.features,
         picture: &estimate.picture,
         input: &estimate.input,
         likeness: estimate.likeness.as_ref(),
         signature: estimate.signature.as_ref(),
         alpha: frame.alpha.as_ref(),
+        along: along.and_then(|(of, along)| (of == i).then_some(along)),
     };
-    frames.iter().map(one).collect()
+    frames.iter().enumerate().map(one).collect()
 }
 
-fn blend_window<'a>(frames: &'a [(&PreparedFrame, &Estimate)]) -> Vec<BlendFrame<'a>> {
-    let one = |(frame, estimate): &(&'a PreparedFrame, &'a Estimate)| BlendFrame {
+fn blend_window<'a>(frames: &'a [(&PreparedFrame, &Estimate)], along: Along<'a>) -> Vec<BlendFrame<'a>> {
+    let one = |(i, (frame, estimate)): (usize, &(&'a PreparedFrame, &'a Estimate))| BlendFrame {
         features: &frame.features,
         input: &estimate.input,
         picture: &estimate.picture,
         alpha: frame.alpha.as_ref(),
+        along: along.and_then(|(of, along)| (of == i).then_some(along)),
     };
-    frames.iter().map(one).collect()
+    frames.iter().enumerate().map(one).collect()
 }
 
 /// What `blend` chooses from and by.
@@ -343,13 +361,13 @@ pub(crate) fn blend_view(
     s: &SequenceSettings,
 ) -> BlendView {
     let (frame, estimate) = frames[centre];
-    let around = stabilise_window(frames);
+    let around = stabilise_window(frames, None);
     let gather = gather::settings_of(&s.gather, &frame.features);
     let (mut steady, _) = (stages.stabilise)(&around, centre, &gather, &s.stabilise);
     if s.residual.correct && s.residual.picture {
         steady = (stages.picture_residual)(frame.features.first_row, &estimate.input, steady, &s.residual);
     }
-    let window = blend_window(frames);
+    let window = blend_window(frames, None);
     let of = |steady: &Plane<Rgb>| crate::stages::blend::cpu::inputs(&window, centre, steady, (&gather, &s.stabilise));
     let ((_, noise), (before, own_noise)) = (of(&steady), of(&estimate.picture));
     let inputs = crate::stages::blend::cpu::read_by_net(&window, centre, &steady, (&gather, &s.stabilise));

@@ -98,6 +98,7 @@ fn run(backend: Backend, count: i64) -> (Plane<Rgb>, Plane<Rgb>) {
             likeness: None,
             signature: None,
             alpha: None,
+            along: None,
         })
         .collect();
     let causal = Gather { future: false, ..Gather::default() };

@@ -316,8 +316,9 @@ fn bytes_per_pixel(stage: &str, around: usize, levels: usize) -> Option<usize> {
         "residual: picture" => 3 * (12 + 12 + 12),
         "recombine: sum" => 12 * PLANES + 6 * PLANES + 18 + 24,
         "stabilise: signature" => 12 + seen + 26,
-        "stabilise" => 7 * (12 + 26 + motion + 4) + 12,
-        "blend" => 5 * (24 + motion + surface) + 12 + 16,
+        "blend: trajectories" => 5 * (24 + motion + surface) + 20,
+        "stabilise" => 7 * (12 + 26 + motion + 4) + 20 + 12,
+        "blend" => 3 * 12 + 20 + surface + seen + 2 * 12 + 4,
         "recombine: rescale" => 12 * PLANES + 36 + 12 * PLANES,
         _ => return None,
     })

@@ -338,8 +338,16 @@ impl PictureNoise {
         let squared = around(&rows, NOISE_WIDE, size.height);
         let differing = around(&squared, 1, size.height);
         let inverse = inverse_brightness(here.picture, steady, &differing);
+        let found = here.along.is_none().then(|| {
+            Band::filled(&differing, w, ALONG_CHANNELS, |y, out| widest!(along_row((window, centre), gather, y, out)))
+        });
         let differences = Band::filled(&differing, w, DIFFERENCES, |y, out| {
-            widest!(differences_row((window, centre), (steady, inverse.row(y, 0)), gather, y, out));
+            let along = match (here.along, &found) {
+                (Some(whole), _) => &whole.data()[whole.start(y, 0)..][..ALONG_CHANNELS * w],
+                (None, Some(band)) => band.channels(y),
+                (None, None) => return,
+            };
+            widest!(differences_row((here, steady), inverse.row(y, 0), along, y, out));
         });
         let apart = Apart::new(here, steady, &differences, &differing);
         let squares = Band::filled(&squared, w, SQUARES, |y, out| {
@@ -439,28 +447,60 @@ fn inverse_brightness(picture: &Plane<Rgb>, steady: &Plane<Rgb>, rows: &Range<us
 /// squared changes over time and the share of neighbours seen.
 const DIFFERENCES: usize = 11;
 
+/// `along`: the row of [`along_row`].
 #[inline(always)]
 fn differences_row(
-    (window, centre): (&[BlendFrame<'_>], usize),
-    (steady, inverse): (&Plane<Rgb>, &[f32]),
-    gather: &Gather,
+    (here, steady): (&BlendFrame<'_>, &Plane<Rgb>),
+    inverse: &[f32],
+    along: &[f32],
     y: usize,
     out: &mut [f32],
 ) {
+    let w = inverse.len();
+    let (input, picture, steady) = (here.input.row(y), here.picture.row(y), steady.row(y));
+    for c in 0..3 {
+        let (own, seen) = (&mut out[c * w..], &along[4 * w..][..w]);
+        for x in 0..w {
+            own[x] = (input[x][c] - picture[x][c]) * inverse[x];
+        }
+        for x in 0..w {
+            own[3 * w + x] = (input[x][c] - steady[x][c]) * inverse[x];
+        }
+        let sums = &along[c * w..][..w];
+        for x in 0..w {
+            own[6 * w + x] = sums[x] * inverse[x] / (1.0 + seen[x]);
+        }
+    }
+    let all = (2 * FRAMES) as f32;
+    let (changes, seen) = (&along[3 * w..][..w], &along[4 * w..][..w]);
+    for x in 0..w {
+        out[9 * w + x] = changes[x] * inverse[x] * inverse[x] / all;
+    }
+    for x in 0..w {
+        out[10 * w + x] = seen[x] / all;
+    }
+}
+
+/// Of a pixel the three sums of [`over_time`], the changes, and the frames that show it.
+const ALONG_CHANNELS: usize = 5;
+
+/// What the trajectories of `window[centre]` show of its noise: [`ALONG_CHANNELS`] a pixel. `stabilise` and `blend` both ask for it, and
+/// following them costs more than what is done with it.
+pub(crate) fn along(window: &[BlendFrame<'_>], centre: usize, gather: &Gather) -> Rows {
+    Rows::written(window[centre].input.size(), ALONG_CHANNELS, |y, out| {
+        widest!(along_row((window, centre), gather, y, out));
+    })
+}
+
+#[inline(always)]
+fn along_row((window, centre): (&[BlendFrame<'_>], usize), gather: &Gather, y: usize, out: &mut [f32]) {
     let here = &window[centre];
     let w = here.input.size().width;
-    for (x, &scale) in inverse.iter().enumerate() {
-        let (i, p, s) = (here.input.at(x, y), here.picture.at(x, y), steady.at(x, y));
-        let e = three(|c| i[c] - p[c]);
-        let (sum, change, seen) = over_time(window, centre, (x, y), e, gather);
-        for c in 0..3 {
-            out[c * w + x] = e[c] * scale;
-            out[(3 + c) * w + x] = (i[c] - s[c]) * scale;
-            out[(6 + c) * w + x] = sum[c] * scale / (1.0 + seen);
+    for (x, (i, p)) in here.input.row(y).iter().zip(here.picture.row(y)).enumerate() {
+        let (sum, change, seen) = over_time(window, centre, (x, y), three(|c| i[c] - p[c]), gather);
+        for (c, value) in [sum[0], sum[1], sum[2], change, seen].into_iter().enumerate() {
+            out[c * w + x] = value;
         }
-        let all = (2 * FRAMES) as f32;
-        out[9 * w + x] = change * scale * scale / all;
-        out[10 * w + x] = seen / all;
     }
 }
 

@@ -39,7 +39,7 @@ use crate::kernels::conv::{self, ConvNet};
 use crate::plane::Plane;
 use crate::reach::Reach;
 use crate::sequence::settings::Blend as Settings;
-use crate::window::Features;
+use crate::window::{Features, Rows};
 use std::sync::LazyLock;
 
 /// A frame as the stage reads it.
@@ -53,6 +53,8 @@ pub struct BlendFrame<'a> {
     pub picture: &'a Plane<Rgb>,
     /// The coverage as it came. `None`: the picture is opaque.
     pub alpha: Option<&'a Plane<f32>>,
+    /// Of the frame in the middle of the window what `cpu::along` finds; `None`: it is found when it is asked for.
+    pub along: Option<&'a Rows>,
 }
 
 /// The stabilised picture and its coverage.

@@ -126,7 +126,7 @@ mod tests {
         let features = Features::new(&frame, &settings);
         let frames: Vec<_> = planes
             .iter()
-            .map(|plane| BlendFrame { features: &features, input: plane, picture: plane, alpha: None })
+            .map(|plane| BlendFrame { features: &features, input: plane, picture: plane, alpha: None, along: None })
             .collect();
         believed((&frames, 1), |frame| frame.input, at, &settings.gather, LIMITS)
     }

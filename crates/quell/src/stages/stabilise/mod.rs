@@ -90,11 +90,19 @@ pub struct StabiliseFrame<'a> {
     pub signature: Option<&'a HalfRows>,
     /// Coverage, 0..1.
     pub alpha: Option<&'a Plane<f32>>,
+    /// See [`BlendFrame::along`].
+    pub along: Option<&'a Rows>,
 }
 
 impl<'a> From<&StabiliseFrame<'a>> for BlendFrame<'a> {
     fn from(frame: &StabiliseFrame<'a>) -> Self {
-        Self { features: frame.features, input: frame.input, picture: frame.picture, alpha: frame.alpha }
+        Self {
+            features: frame.features,
+            input: frame.input,
+            picture: frame.picture,
+            alpha: frame.alpha,
+            along: frame.along,
+        }
     }
 }
 
