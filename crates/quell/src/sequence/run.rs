@@ -24,6 +24,8 @@ pub(crate) type Passes = Vec<Vec<Plane<Rgb>>>;
 
 /// Arguments and result of `recombine`'s `rescale`.
 type Rescale = fn(&PreparedFrame, &[LightSlot], &Rows, [&Plane<Rgb>; 2], Option<&Blend>) -> Passes;
+/// Arguments and result of what is found along trajectories.
+type AlongStage = fn(&[BlendFrame<'_>], usize, &Gather) -> Rows;
 /// Arguments and result of `blend`.
 type BlendStage = fn(&[BlendFrame<'_>], usize, Steady<'_>, (&Gather, &Stabilise), &settings::Blend) -> Blend;
 
@@ -42,7 +44,7 @@ pub(crate) struct SequenceStages {
     pub signature: fn(&Features, &Plane<Rgb>) -> Rows,
     pub stabilise: fn(&[StabiliseFrame<'_>], usize, &Gather, &Stabilise) -> SteadyPicture,
     /// What `stabilise` and `blend` both ask of the trajectories, found once for both; `None`: each finds it for itself.
-    pub along: Option<fn(&[BlendFrame<'_>], usize, &Gather) -> Rows>,
+    pub along: Option<AlongStage>,
     pub blend: BlendStage,
     pub rescale: Rescale,
 }
