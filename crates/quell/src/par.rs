@@ -137,7 +137,7 @@ impl Spares {
 }
 
 /// So many numbers that mean nothing yet. Every stage of every frame makes images of the same few sizes: one thread would clear each
-/// while the others wait, a twentieth of the filter's time by the clock at 1920x1080.
+/// while the others wait, which took 3.5 % of a job's processor seconds at 1920x1080.
 pub(crate) fn recycled(count: usize) -> Vec<f32> {
     let kept = match SPARES.lock() {
         Ok(mut spares) if count >= Spares::LEAST => spares.take(count),
