@@ -458,8 +458,9 @@ fn differences_row(
 ) {
     let w = inverse.len();
     let (input, picture, steady) = (here.input.row(y), here.picture.row(y), steady.row(y));
+    let (changes, seen) = (&along[ALONG_CHANGES * w..][..w], &along[ALONG_SEEN * w..][..w]);
     for c in 0..3 {
-        let (own, seen) = (&mut out[c * w..], &along[4 * w..][..w]);
+        let own = &mut out[c * w..];
         for x in 0..w {
             own[x] = (input[x][c] - picture[x][c]) * inverse[x];
         }
@@ -472,7 +473,6 @@ fn differences_row(
         }
     }
     let all = (2 * FRAMES) as f32;
-    let (changes, seen) = (&along[3 * w..][..w], &along[4 * w..][..w]);
     for x in 0..w {
         out[9 * w + x] = changes[x] * inverse[x] * inverse[x] / all;
     }
@@ -481,7 +481,9 @@ fn differences_row(
     }
 }
 
-/// Of a pixel the three sums of [`over_time`], the changes, and the frames that show it.
+/// Of a pixel the three sums of [`over_time`], then the changes and the frames that show it.
+const ALONG_CHANGES: usize = 3;
+const ALONG_SEEN: usize = 4;
 const ALONG_CHANNELS: usize = 5;
 
 /// What the trajectories of `window[centre]` show of its noise: [`ALONG_CHANNELS`] a pixel. `stabilise` and `blend` both ask for it, and

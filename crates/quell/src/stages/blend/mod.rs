@@ -53,7 +53,8 @@ pub struct BlendFrame<'a> {
     pub picture: &'a Plane<Rgb>,
     /// The coverage as it came. `None`: the picture is opaque.
     pub alpha: Option<&'a Plane<f32>>,
-    /// Of the frame in the middle of the window what `cpu::along` finds; `None`: it is found when it is asked for.
+    /// Of the frame in the middle of the window: noise over time along its trajectories, five channels of the picture's extent (`along` of
+    /// `blend/cpu.rs`). `None`: it is found when it is asked for.
     pub along: Option<&'a Rows>,
 }
 

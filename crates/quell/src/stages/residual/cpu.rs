@@ -21,7 +21,9 @@ pub(crate) fn run(frame: &PreparedFrame, slots: &[LightSlot], mut colours: Rows,
     for lights in lights.chunks(together.max(1)) {
         let own = Rows::written(size, 3 * lights.len(), |y, row| {
             for (slot, row) in lights.iter().zip(row.chunks_exact_mut(3 * w)) {
-                raw_row(frame, slot, 0, y, row);
+                if !raw_row(frame, slot, 0, y, row) {
+                    row.fill(0.0);
+                }
             }
         });
         let planes: Vec<_> = lights.iter().map(|slot| slot.first..slot.first + slot.planes).collect();
