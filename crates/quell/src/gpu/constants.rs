@@ -66,7 +66,6 @@ const ALL: &[(&str, Number)] = &[
     ("LEAST_COUNT", F32(gather::LEAST_COUNT)),
     ("FREE_COUNT", F32(gather::FREE_COUNT)),
     ("LEAST_NOISE", F32(gather::LEAST_NOISE)),
-    ("SPLINE", Vec3(wavelet::SPLINE)),
     ("TENT", Vec2(wavelet::TENT)),
     ("LEAST_VARIANCE", F32(wavelet::LEAST_VARIANCE)),
     ("HAS_TO_PREVIOUS", U32(sequence::HAS_TO_PREVIOUS)),

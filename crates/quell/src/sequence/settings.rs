@@ -90,11 +90,11 @@ parameters! {
     }
     /// Samples gathered along each surface's motion trajectory through the frames around.
     gather: Gather {
-        frames: u32 = 8, 0..=64, "frames", "Frames before, and after, from which samples are taken.",
+        frames: u32 = 6, 0..=64, "frames", "Frames before, and after, from which samples are taken.",
             higher "Less noise, more memory and time.", lower "Quicker changes of light, more noise.", source "ours: docs/sequence.md";
         future: bool = true, (), "", "Frames after the present one are used too.",
             higher "`--history both`: no noisy first frame, less lag.", lower "`--history past`.", source "ours";
-        matte_decay: f32 = 0.97, 0.0..=1.0, "per frame", "Weight of a matte sample one frame further away.",
+        matte_decay: f32 = 0.88, 0.0..=1.0, "per frame", "Weight of a matte sample one frame further away.",
             higher "Less noise, more lag.", lower "Follows moving shadows.", source "ours";
         glossy_direct_decay: f32 = 0.8, 0.0..=1.0, "per frame", "Weight of a highlight's sample one frame further away.",
             higher "Less noise, more smear.", lower "Noisier highlights.", source "ours";
@@ -130,8 +130,8 @@ parameters! {
             higher "Less noise, more smear on what moves.", lower "Noisier.", source "ours";
         camera_moving_weight: f32 = 0.0, 0.0..=1.0, "", "The same where motion is the camera's alone: it leads nowhere on what moves by itself.",
             higher "Less noise, smear on what moves.", lower "Noisier.", source "ours: docs/trials.md";
-        least_share: f32 = 0.01, 0.0..=0.25, "of a pixel", "Pixels of the bilinear footprint with less are left out.",
-            higher "Cheaper, a little blocky.", lower "Dearer.", source "ours";
+        least_share: f32 = 0.01, 0.0..=0.25, "of a pixel", "Of the four pixels around the place that motion leads to, those with a smaller bilinear share are not taken.",
+            higher "Trajectories end sooner at silhouettes.", lower "Pixels nearly one away are taken there.", source "ours";
         light_deviations: f32 = 1.0, 0.0..=64.0, "standard deviations", "How far a light's mean around the pixel may differ in another frame, in deviations of both means, where noise is weak.",
             higher "Less noise; moving shadows and highlights smear.", lower "Noisier where light changes.", source "ours: docs/sequence.md";
         light_deviations_high: f32 = 2.0, 0.0..=64.0, "standard deviations", "The same where noise is strong: at few samples a pixel there are rare bright outliers.",
@@ -164,9 +164,9 @@ parameters! {
     }
     /// Edge-avoiding a-trous wavelet (Dammertz et al. 2010) with a luminance stop (SVGF, Schied et al. 2017).
     wavelet: Wavelet {
-        levels: u32 = 4, 0..=8, "", "Levels; level i has taps 2^i pixels apart.",
-            higher "Smoother.", lower "Noisier.", source "ours: docs/trials.md; SVGF: 5";
-        transmission_levels: u32 = 4, 0..=8, "", "Levels for light through glass.",
+        levels: u32 = 5, 0..=8, "", "Levels; level i has taps 2^i pixels apart.",
+            higher "Smoother.", lower "Noisier.", source "ours: docs/trials.md; SVGF: 5, of 5x5 taps";
+        transmission_levels: u32 = 5, 0..=8, "", "Levels for light through glass.",
             higher "Smoother.", lower "Sharper.", source "ours";
         matte: f32 = 2.2, 0.0..=64.0, "standard deviations", "Luminance stop of indirect matte light.",
             higher "Smoother; soft shadows fade.", lower "Noisier.", source "ours: docs/sequence.md; SVGF: 4";
@@ -180,7 +180,7 @@ parameters! {
             higher "Shadows seen in mirrors fade.", lower "Noisier mirrors.", source "ours";
         low: f32 = 0.15, 0.0..=64.0, "standard deviations", "The luminance stop of all light where little noise is left.",
             higher "Smoother with many samples a pixel.", lower "Detail stays with many samples a pixel.", source "ours: docs/sequence.md";
-        low_noise: f32 = 0.07, 0.0..=16.0, "of the luminance", "Deviation of a compared mean at which the stop lies half between (in squares).",
+        low_noise: f32 = 0.03, 0.0..=16.0, "of the luminance", "Deviation of a compared mean at which the stop lies half between (in squares).",
             higher "`wavelet.low` counts sooner.", lower "Later; 0: never.", source "ours";
         step: f32 = 6.0, 0.0..=1000.0, "standard deviations", "Neighbours that differ by more begin to be left out of the compared means over 3x3 pixels.",
             higher "Light leaks from lamps into the dark pixels beside them.", lower "Means are as noisy as pixels, so that noise stops itself.", source "ours: docs/sequence.md";

@@ -65,7 +65,7 @@ fn filter(level: &Level<'_>, colours: &mut Rows, variance: &mut Rows) {
     let Size { width, height } = colours.size();
     let (cw, vw) = (colours.channels() * width, variance.channels() * width);
     // As many rows as a level looks up and down.
-    let band = par::band(BAND, ROWS_OF_A_THREAD).max(2 * level.step as usize);
+    let band = par::band(BAND, ROWS_OF_A_THREAD).max(level.step as usize);
     let (mut done, mut next) = ([Vec::new(), Vec::new()], [vec![0.0; cw * band], vec![0.0; vw * band]]);
     let put = |[c, v]: &[Vec<f32>; 2], first: usize, colours: &mut Rows, variance: &mut Rows| {
         let rows = first..(first + band).min(height);

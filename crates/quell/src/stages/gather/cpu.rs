@@ -2,7 +2,7 @@
 //! threads, one trajectory for all lights, eight colour planes at once on vectors; the frames of the window one after the
 //! other for some pixels of a row, so that few runs of memory are read at a time.
 
-use super::trajectory::{CORNERS, LANES, Met, Pair, Way};
+use super::trajectory::{LANES, Met, Pair, Way};
 use super::{FREE_COUNT, Gathered, LEAST_COUNT, LEAST_NOISE, Place, decay, lit, mean_of};
 use crate::kernels::guide_distance::{FARTHEST, LEAST_BASE};
 use crate::kernels::halves::{Eights, Runs, widen_eight, widen_from};
@@ -11,7 +11,7 @@ use crate::par;
 use crate::sequence::settings::Gather;
 use crate::simd::dispatch;
 use crate::window::{Class, Features, LightSlot, Packed, PreparedFrame, Rows, Samples};
-use fearless_simd::{Simd, f32x8, mask32x8, prelude::*, u16x8};
+use fearless_simd::{Simd, f32x8, prelude::*, u16x8};
 use half::f16;
 
 /// Means over the window for every light of `window[centre]`.
@@ -201,66 +201,35 @@ impl<S: Simd> Block<S> {
                     fetch(window[to], met);
                     met_any = true;
                 } else {
-                    met.weights = [[0.0; LANES]; CORNERS];
+                    met.weights = [0.0; LANES];
                 }
             }
             if !met_any {
                 break;
             }
             for (g, met) in self.met.iter().enumerate() {
-                let mut alike = [[1.0; LANES]; CORNERS];
-                if let (true, Some(seen)) = (looks_through, &window[to].features.seen) {
-                    for c in 0..CORNERS {
-                        if met.weights[c] != [0.0; LANES] {
-                            let there = (seen, &*job.mirrors[to], &met.pixels[c]);
-                            alike[c] = seen_likeness(simd, job.gather, (&self.own[g], &self.own_mirrors[g]), there);
-                        }
-                    }
+                if met.weights == [0.0; LANES] {
+                    continue;
                 }
-                for i in 0..LANES {
-                    if met.weights.iter().all(|weights| weights[i] == 0.0) {
-                        continue;
-                    }
+                let mut alike = [1.0; LANES];
+                if let (true, Some(seen)) = (looks_through, &window[to].features.seen) {
+                    let there = (seen, &*job.mirrors[to], &met.pixels);
+                    alike = seen_likeness(simd, job.gather, (&self.own[g], &self.own_mirrors[g]), there);
+                }
+                for i in (0..LANES).filter(|i| met.weights[*i] != 0.0) {
+                    let (pixel, share) = (met.pixels[i] as usize, (met.weights[i], alike[i]));
                     let sums = &mut self.sums[(LANES * g + i) * job.lanes.len()..];
                     for (lanes, sums) in job.lanes.iter().zip(sums) {
                         let there = &lanes.frames[to];
-                        let (mut pixels, mut shares) = ([0usize; CORNERS], [(0.0f32, 0.0f32); CORNERS]);
-                        for c in 0..CORNERS {
-                            pixels[c] = met.pixels[c][i] as usize;
-                            shares[c] = (met.weights[c][i], alike[c][i]);
-                        }
-                        let new = (job.gather, lanes, (to, k));
-                        // Each form with sums of its own, and no function is called where there is a run: they stay in registers.
+                        let add = Adding { s: job.gather, lanes, to, distance: k, share };
+                        // No function is called where there is a run.
                         if let Some(few) = &there.few {
-                            let mut light = Light::new(simd);
-                            for c in 0..CORNERS {
-                                if shares[c].0 != 0.0 {
-                                    light.add(few.means(simd, pixels[c]), shares[c].0);
-                                }
-                            }
-                            let mut adding = Adding::new(simd, new, light, sums);
-                            for c in 0..CORNERS {
-                                if shares[c].0 != 0.0 {
-                                    adding.add(few.samples(simd, pixels[c]), shares[c]);
-                                }
-                            }
-                            adding.store(sums);
+                            add.to(simd, few.means(simd, pixel), few.samples(simd, pixel), sums);
                         } else if let Some(first) = there.run {
-                            let mut light = Light::new(simd);
-                            for c in 0..CORNERS {
-                                if shares[c].0 != 0.0 {
-                                    light.add(there.means_beside(simd, first, pixels[c]), shares[c].0);
-                                }
-                            }
-                            let mut adding = Adding::new(simd, new, light, sums);
-                            for c in 0..CORNERS {
-                                if shares[c].0 != 0.0 {
-                                    adding.add(there.samples_beside(simd, first, pixels[c]), shares[c]);
-                                }
-                            }
-                            adding.store(sums);
+                            let light = there.means_beside(simd, first, pixel);
+                            add.to(simd, light, there.samples_beside(simd, first, pixel), sums);
                         } else {
-                            scattered(simd, there, new, (&pixels, &shares), sums);
+                            scattered(simd, there, &add, pixel, sums);
                         }
                     }
                 }
@@ -269,28 +238,12 @@ impl<S: Simd> Block<S> {
     }
 }
 
-/// Adds the samples of a footprint whose planes do not lie side by side, apart from the loop around.
+/// Adds a sample whose planes do not lie side by side, apart from the loop around.
 #[inline(always)]
-fn scattered<S: Simd>(
-    simd: S,
-    there: &There<'_>,
-    new: (&Gather, &Lanes<'_>, (usize, usize)),
-    (pixels, shares): (&[usize; CORNERS], &[(f32, f32); CORNERS]),
-    sums: &mut Sums,
-) {
+fn scattered<S: Simd>(simd: S, there: &There<'_>, add: &Adding<'_>, pixel: usize, sums: &mut Sums) {
     simd.vectorize(
         #[inline(always)]
-        || {
-            let mut light = Light::new(simd);
-            for (pixel, share) in pixels.iter().zip(shares).filter(|(_, share)| share.0 != 0.0) {
-                light.add(there.means(simd, *pixel), share.0);
-            }
-            let mut adding = Adding::new(simd, new, light, sums);
-            for (pixel, share) in pixels.iter().zip(shares).filter(|(_, share)| share.0 != 0.0) {
-                adding.add(there.samples(simd, *pixel), *share);
-            }
-            adding.store(sums);
-        },
+        || add.to(simd, there.means(simd, pixel), there.samples(simd, pixel), sums),
     );
 }
 
@@ -299,13 +252,11 @@ fn scattered<S: Simd>(
 fn fetch(frame: &PreparedFrame, met: &Met) {
     let first = |data: &[f16], at: usize| data.get(at).map_or(0, |half| half.to_bits());
     let mut read = 0;
-    for (pixels, weights) in met.pixels.iter().zip(&met.weights) {
-        for (pixel, weight) in pixels.iter().zip(weights) {
-            if *weight != 0.0 {
-                let pixel = *pixel as usize;
-                read ^= first(&frame.samples.data, 3 * frame.samples.planes * pixel);
-                read ^= first(&frame.means.data, 2 * frame.means.lights * pixel);
-            }
+    for (pixel, weight) in met.pixels.iter().zip(&met.weights) {
+        if *weight != 0.0 {
+            let pixel = *pixel as usize;
+            read ^= first(&frame.samples.data, 3 * frame.samples.planes * pixel);
+            read ^= first(&frame.means.data, 2 * frame.means.lights * pixel);
         }
     }
     std::hint::black_box(read);
@@ -626,98 +577,40 @@ impl Sums {
     }
 }
 
-/// The light where a trajectory leads in a frame, between the pixels of its footprint: its means and their deviations.
-struct Light<S: Simd> {
-    sums: [f32x8<S>; 2],
-    total: f32,
+/// How a pixel of another frame is added to what eight planes of a pixel have met.
+struct Adding<'a> {
+    s: &'a Gather,
+    lanes: &'a Lanes<'a>,
+    /// The frame, and how many frames away it is.
+    to: usize,
+    distance: usize,
+    /// Trust in the surface, and how alike the things are that mirrors and glass show.
+    share: (f32, f32),
 }
 
-impl<S: Simd> Light<S> {
+impl Adding<'_> {
     #[inline(always)]
-    fn new(simd: S) -> Self {
-        Self { sums: [f32x8::splat(simd, 0.0); 2], total: 0.0 }
-    }
-
-    /// Of a pixel of the footprint.
-    #[inline(always)]
-    fn add(&mut self, [mean, deviation]: [f32x8<S>; 2], share: f32) {
-        self.sums[0] += mean * share;
-        // Below 0: without noise.
-        self.sums[1] += deviation.max(0.0) * share;
-        self.total += share;
-    }
-
-    #[inline(always)]
-    fn between(self) -> [f32x8<S>; 2] {
-        let scale = 1.0 / self.total;
-        [self.sums[0] * scale, self.sums[1] * scale]
-    }
-}
-
-/// [`Sums`] of a pixel while samples of one frame are added, in registers.
-struct Adding<S: Simd> {
-    simd: S,
-    pivot: f32x8<S>,
-    /// Weight of every sample of the frame.
-    weight: f32x8<S>,
-    seen: mask32x8<S>,
-    colours: [f32x8<S>; 3],
-    total: f32x8<S>,
-    squares: f32x8<S>,
-    second: f32x8<S>,
-}
-
-impl<S: Simd> Adding<S> {
-    /// Samples of frame `to`, `distance` frames away.
-    #[inline(always)]
-    fn new(
-        simd: S,
-        (s, lanes, (to, distance)): (&Gather, &Lanes<'_>, (usize, usize)),
-        light: Light<S>,
-        sums: &Sums,
-    ) -> Self {
+    fn to<S: Simd>(&self, simd: S, light: [f32x8<S>; 2], sample: [f32x8<S>; 3], sums: &mut Sums) {
+        let Self { s, lanes, to, distance, share: (share, alike) } = *self;
         let load = |v: &[f32; LANES]| -> f32x8<S> { (*v).simd_into(simd) };
-        let zero = f32x8::splat(simd, 0.0);
-        let there = &lanes.frames[to];
+        let (there, zero) = (&lanes.frames[to], f32x8::splat(simd, 0.0));
         let deviation = load(&sums.deviation);
         let own = deviation.max(zero);
-        let likeness = Likeness::new(simd, s).of(load(&sums.here), own * own, light.between());
+        // Deviations below 0: without noise.
+        let light = [light[0], light[1].max(zero)];
+        let likeness = Likeness::new(simd, s).of(load(&sums.here), own * own, light);
         let weight = load(&lanes.powers[distance]) * load(&there.known) * likeness;
-        Self {
-            simd,
-            pivot: load(&sums.pivot),
-            // Without noise: itself alone.
-            weight: deviation.simd_lt(zero).select(zero, weight),
-            seen: load(&lanes.seen).simd_gt(zero),
-            colours: [load(&sums.colours[0]), load(&sums.colours[1]), load(&sums.colours[2])],
-            total: load(&sums.total),
-            squares: load(&sums.squares),
-            second: load(&sums.second),
+        // Light without noise: the pixel itself alone.
+        let weight = deviation.simd_lt(zero).select(zero, weight);
+        let shown = load(&lanes.seen).simd_gt(zero);
+        let weight = weight * shown.select(f32x8::splat(simd, share * alike), f32x8::splat(simd, share));
+        for (sum, sample) in sums.colours.iter_mut().zip(sample) {
+            (load(sum) + weight * sample).store_slice(sum);
         }
-    }
-
-    #[inline(always)]
-    fn add(&mut self, sample: [f32x8<S>; 3], (share, alike): (f32, f32)) {
-        let simd = self.simd;
-        let share = self.seen.select(f32x8::splat(simd, share * alike), f32x8::splat(simd, share));
-        let weight = self.weight * share;
-        for c in 0..3 {
-            self.colours[c] += weight * sample[c];
-        }
-        let off = luminance(&sample) - self.pivot;
-        self.second += weight * off * off;
-        self.total += weight;
-        self.squares += weight * weight;
-    }
-
-    #[inline(always)]
-    fn store(self, sums: &mut Sums) {
-        for c in 0..3 {
-            self.colours[c].store_slice(&mut sums.colours[c]);
-        }
-        self.total.store_slice(&mut sums.total);
-        self.squares.store_slice(&mut sums.squares);
-        self.second.store_slice(&mut sums.second);
+        let off = luminance(&sample) - load(&sums.pivot);
+        (load(&sums.second) + weight * off * off).store_slice(&mut sums.second);
+        (load(&sums.total) + weight).store_slice(&mut sums.total);
+        (load(&sums.squares) + weight * weight).store_slice(&mut sums.squares);
     }
 }
 

@@ -6,13 +6,14 @@
 //! | writes | [`Gathered`]: of each light its mean, the variance of one sample, and the samples that the mean is worth |
 //! | reach | `gather.frames` frames before and after; 2 rows around where motion leads |
 //! | equation | mean = sum w c / sum w; n = (sum w)^2 / sum w^2; variance of a sample = weighted spread * n / (n - 1) |
-//! | weight | bilinear share * trust in the surface * decay^distance * likeness of what mirrors show * likeness of the light |
-//! | likeness of the light | 1 where d^2 <= t, else (t / d^2)^2; d: difference of the means of equal light around the pixel and where its trajectory leads (between the pixels of the footprint), on the same surface (`window/light_means.rs`); t = k^2 (v + v') + (`light_contrast` m)^2, v: variances of these means; k^2 from `light_deviations`^2 to `light_deviations_high`^2 as (v + v') / m^2 passes `light_noise`^2 |
+//! | weight | trust in the surface * decay^distance * likeness of what mirrors show * likeness of the light |
+//! | likeness of the light | 1 where d^2 <= t, else (t / d^2)^2; d: difference of the means of equal light around the two pixels, on the same surface (`window/light_means.rs`); t = k^2 (v + v') + (`light_contrast` m)^2, v: variances of these means; k^2 from `light_deviations`^2 to `light_deviations_high`^2 as (v + v') / m^2 passes `light_noise`^2 |
 //! | source | ours: `docs/sequence.md` |
 //! | parameters | `gather.*` |
 //!
 //! A sample is a pixel of one frame: the mean of its paths. A pixel's surface is followed by its motion, frame by frame
-//! (`trajectory.rs`), and each sample is fetched once: no repeated resampling. A pixel there shows the same surface where it
+//! (`trajectory.rs`). Of the four pixels around the place where it leads in a frame, the nearest that shows the surface is taken as it is,
+//! not their bilinear mean: that costs a third as much, and noise and blur are no worse (docs/trials.md). A pixel there shows the same surface where it
 //! lies on the tangent plane of the surface here and normals agree (it stands). Off that plane, it must have about the same depth and
 //! normal, and motion there and back again must end where it began, where there is motion back (it moves; `moving_weight`). Where motion is
 //! the camera's alone, `camera_plane_distance` and `camera_moving_weight` take their place.
@@ -56,7 +57,7 @@ pub(crate) fn reach(s: &Gather) -> Reach {
     Reach { frames: s.frames, footprint: FOOTPRINT, ..Reach::NONE }
 }
 
-/// Rows that the bilinear footprint reads beyond those that motion leads to.
+/// Rows around the place that motion leads to from which a pixel is taken, and one more.
 const FOOTPRINT: usize = 2;
 
 /// The settings of a frame. Where motion is the camera's alone, a surface is followed only while it stays where it was in

@@ -74,17 +74,7 @@ fn mean(window: &[&PreparedFrame], centre: usize, p: usize, slot: &LightSlot, me
             _ => 1.0,
         };
         let w = m.weight * decay(s, slot.kind).powi(m.distance as i32) * likeness;
-        // The light where the trajectory leads: between the pixels of the footprint.
-        let footprint = met.iter().filter(|other| other.frame == m.frame);
-        let (mut light, mut total) = ([0.0f64; 2], 0.0f64);
-        for other in footprint {
-            let [mean, deviation] = around(there, other.pixel);
-            light[0] += f64::from(other.weight * mean);
-            light[1] += f64::from(other.weight * deviation.max(0.0));
-            total += f64::from(other.weight);
-        }
-        let light = light.map(|sum| (sum / total) as f32);
-        let w = if m.distance > 0 { w * same_light(light_here, light, s) } else { w };
+        let w = if m.distance > 0 { w * same_light(light_here, around(there, m.pixel), s) } else { w };
         let samples = match Place::of(there, slot.light) {
             Place::Unknown => continue,
             Place::Black => vec![[0.0; 3]; slot.planes],
@@ -159,30 +149,24 @@ fn follow(
         let repeated = still && (from.repeats_noise || there.repeats_noise);
         let back = there.features.motion.get(!forward, reflected);
         let size = pixel_size(&tracked, there.features.pixel_angle);
-        // The bilinear footprint's pixels that show the surface.
-        let mut same: Vec<(f32, f32, usize)> = Vec::new();
-        for (x, y, share) in footprint(at[0], at[1]) {
+        // Of the four pixels around, the nearest that shows the surface: the one with the largest bilinear share.
+        let around = footprint(at[0], at[1]);
+        let nearest = usize::from(at[0] - at[0].floor() > 0.5) + 2 * usize::from(at[1] - at[1].floor() > 0.5);
+        let mut best: Option<(f32, f32, usize)> = None;
+        for (x, y, share) in (0..4).map(|i| around[i ^ nearest]) {
             let row = there.features.row_here(y);
             let (Some(row), true) = (row, share >= s.least_share && x >= 0 && x < w as isize) else { continue };
             let q = row * w + x as usize;
             let miss = back.map(|back| back.at(q)).map(|b| (m[0] + b[0]).hypot(m[1] + b[1]));
             let trust = trust(&there.features.surface[q], &tracked, size, m[0].hypot(m[1]), miss, s);
-            let Some(trust) = trust else { continue };
-            same.push((share, trust, q));
-        }
-        let mut best = (0.0, 0);
-        for (share, _, q) in &same {
-            if *share > best.0 {
-                best = (*share, *q);
+            if let Some(trust) = trust.filter(|_| share > best.map_or(0.0, |best| best.0)) {
+                best = Some((share, trust, q));
             }
         }
-        if best.0 == 0.0 {
-            return;
-        }
-        (pixel, frame) = (best.1, next);
+        let Some((_, trust, q)) = best else { return };
+        (pixel, frame) = (q, next);
         if !repeated {
-            let found = |(share, trust, q)| Met { frame, distance, pixel: q, weight: share * trust };
-            met.extend(same.into_iter().map(found));
+            met.push(Met { frame, distance, pixel, weight: trust });
         }
         // A surface that stands keeps its first place, so that errors do not add up; one that moves is carried along.
         let now = there.features.surface[pixel];

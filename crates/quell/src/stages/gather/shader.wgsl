@@ -110,35 +110,21 @@ fn seen_distance(here: WindowFrame, there: WindowFrame, pixel: vec2i) -> f32 {
     return dot(d, d) * 0.5 / (settings.seen_albedo * settings.seen_albedo) + settings.seen_normal * bend;
 }
 
-// A pixel of the footprint from `first` on.
-fn corner_of(first: vec2i, tap: i32) -> vec2i {
-    return first + vec2i(tap & 1, tap >> 1);
-}
-
-// What is left of each plane's weight where the light of another frame, between the pixels of the footprint, differs from the light
-// here; 0 where there is no noise.
-fn likenesses(there: WindowFrame, first: vec2i, shares: vec4f) -> vec4f {
-    let all = shares.x + shares.y + shares.z + shares.w;
+// What is left of each plane's weight where the light of another frame differs from the light here; 0 where there is no noise.
+fn likenesses(there: WindowFrame, pixel: vec2i) -> vec4f {
     var found = vec4f(0.0);
     for (var k = 0u; k < settings.planes; k++) {
-        if (free & (1u << k)) != 0u {
-            continue;
+        if (free & (1u << k)) == 0u {
+            let around = light_of(k, there, pixel);
+            found[k] = light_likeness(light_here[k], vec2f(around.x, max(around.y, 0.0)));
         }
-        var light = vec2f(0.0);
-        for (var tap = 0; tap < 4; tap++) {
-            if shares[tap] > 0.0 {
-                let around = light_of(k, there, corner_of(first, tap));
-                light += shares[tap] * vec2f(around.x, max(around.y, 0.0));
-            }
-        }
-        found[k] = light_likeness(light_here[k], light / all);
     }
     return found;
 }
 
-// One tap: `share` of the pixel, times each plane's weight; only for the planes in `mask`.
-fn add(there: WindowFrame, pixel: vec2i, share: f32, of_frame: vec4f, mask: u32) {
-    var weights = share * of_frame;
+// One sample: `trust` in the surface, times each plane's weight; only for the planes in `mask`.
+fn add(there: WindowFrame, pixel: vec2i, trust: f32, of_frame: vec4f, mask: u32) {
+    var weights = trust * of_frame;
     let of_mirrors = settings.seen & mask;
     if of_mirrors != 0u {
         let likeness = weight(seen_distance(frame_at(settings.centre), there, pixel));
@@ -159,7 +145,7 @@ fn add(there: WindowFrame, pixel: vec2i, share: f32, of_frame: vec4f, mask: u32)
     squares += weights * weights;
 }
 
-// Taps along the motion trajectory of a pixel, forward or back in time.
+// Samples along the motion trajectory of a pixel, forward or back in time.
 fn follow(pixel: vec2i, forward: bool, reflected: bool, mask: u32) {
     // A band counts rows as the whole picture does: sums of floats are the same.
     let extent = vec2f(f32(settings.size.x), f32(settings.picture_height));
@@ -195,42 +181,36 @@ fn follow(pixel: vec2i, forward: bool, reflected: bool, mask: u32) {
         if tracked.inverse_depth > 0.0 {
             pixel_size = there.pixel_angle / tracked.inverse_depth;
         }
+        // Of the four pixels around, the nearest that shows the surface: the one with the largest bilinear share. Mostly that is the
+        // nearest of all, and the others are not asked.
+        let first = select(0, 1, t.x > 0.5) | select(0, 2, t.y > 0.5);
         var best = 0.0;
-        // Of the four pixels; 0: it shows another surface.
-        var shares = vec4f(0.0);
-        for (var tap = 0; tap < 4; tap++) {
+        var trust = 0.0;
+        for (var i = 0; i < 4; i++) {
+            let tap = i ^ first;
             let d = vec2i(tap & 1, tap >> 1);
             let share = select(1.0 - t.x, t.x, d.x == 1) * select(1.0 - t.y, t.y, d.y == 1);
             var q = vec2i(corner) + d;
             q.y -= settings.first_row;
-            if share < settings.least_share || any(q < vec2i(0)) || any(q >= vec2i(settings.size)) {
+            if share <= best || share < settings.least_share || any(q < vec2i(0)) || any(q >= vec2i(settings.size)) {
                 continue;
             }
             var miss = -1.0;
             if has_back {
                 miss = length(m + motion_at(there, !forward, reflected, q));
             }
-            let trust = same_surface(surface_at(there, q), tracked, pixel_size, length(m), miss);
-            if trust < 0.0 {
-                continue;
-            }
-            if share > best {
+            let found = same_surface(surface_at(there, q), tracked, pixel_size, length(m), miss);
+            if found >= 0.0 {
                 best = share;
+                trust = found;
                 nearest = q;
             }
-            shares[tap] = share * trust;
         }
         if best == 0.0 {
             return;
         }
         if !repeated {
-            let first = vec2i(corner) - vec2i(0, settings.first_row);
-            let of_frame = power * likenesses(there, first, shares);
-            for (var tap = 0; tap < 4; tap++) {
-                if shares[tap] > 0.0 {
-                    add(there, corner_of(first, tap), shares[tap], of_frame, mask);
-                }
-            }
+            add(there, nearest, trust, power * likenesses(there, nearest), mask);
         }
         let s = surface_at(there, nearest);
         // A surface that moves carries its reference along; one that stands keeps the first, so that errors do not add.
@@ -240,7 +220,7 @@ fn follow(pixel: vec2i, forward: bool, reflected: bool, mask: u32) {
     }
 }
 
-// All taps of the pixel, itself first.
+// All samples of the pixel, itself first.
 fn gather_trajectories(pixel: vec2i, reflected: bool, mask: u32) {
     add(frame_at(settings.centre), pixel, 1.0, vec4f(1.0), mask);
     follow(pixel, false, reflected, mask);

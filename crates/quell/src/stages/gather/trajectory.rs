@@ -8,16 +8,14 @@ use half::f16;
 
 /// Pixels that are followed at once.
 pub(super) const LANES: usize = 8;
-/// Pixels of a bilinear footprint.
-pub(super) const CORNERS: usize = 4;
 
-/// The pixels of a frame that show the surfaces of eight pixels, corner by corner of their footprints.
+/// The pixels of a frame that show the surfaces of eight pixels.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Met {
     /// Indices of the pixels; 0 where the weight is 0.
-    pub pixels: [[i32; LANES]; CORNERS],
-    /// Share of the pixel, 0..1; 0: it does not show the surface.
-    pub weights: [[f32; LANES]; CORNERS],
+    pub pixels: [i32; LANES],
+    /// Trust in the surface, 0..1; 0: none shows it.
+    pub weights: [f32; LANES],
 }
 
 /// Two neighbouring frames of a window.
@@ -112,13 +110,26 @@ impl<S: Simd> Way<S> {
         let (tx, ty) = (at[0] - corner[0], at[1] - corner[1]);
         let (ux, uy) = (splat(1.0) - tx, splat(1.0) - ty);
         let (left, top) = (corner[0].to_int::<i32x8<S>>(), corner[1].to_int::<i32x8<S>>());
-        let (mut best, mut place) = (zero, int(0));
-        // The surfaces of the best pixels so far.
+        // Of the four pixels around, the nearest that shows the surface: the one with the largest bilinear share. Mostly that is the
+        // nearest of all, and the others are not asked.
+        let (right, below) = (tx.simd_gt(splat(0.5)), ty.simd_gt(splat(0.5)));
+        let (near_x, far_x) = (right.select(tx, ux), right.select(ux, tx));
+        let (near_y, far_y) = (below.select(ty, uy), below.select(uy, ty));
+        let across_first = (far_x * near_y).simd_ge(near_x * far_y);
+        let never = zero.simd_lt(zero);
+        let candidates =
+            [(never, never), (across_first, !across_first), (!across_first, across_first), (!never, !never)];
+        let (mut place, mut weight) = (int(0), zero);
+        let mut pending = alive;
+        // The surfaces that were found.
         let mut now = Points::none(simd);
-        let corners = [(0, 0, ux * uy), (1, 0, tx * uy), (0, 1, ux * ty), (1, 1, tx * ty)];
-        for (c, (dx, dy, share)) in corners.into_iter().enumerate() {
-            let (x, row) = (left + int(dx), top + int(dy) - int(member.features.first_row));
-            let valid = alive
+        for (other_x, other_y) in candidates {
+            let share = other_x.select(far_x, near_x) * other_y.select(far_y, near_y);
+            let (dx, dy) = (right ^ other_x, below ^ other_y);
+            let (x, row) =
+                (left + dx.select(int(1), int(0)), top + dy.select(int(1), int(0)) - int(member.features.first_row));
+            let valid = pending
+                & share.simd_gt(zero)
                 & share.simd_ge(splat(gather.least_share))
                 & x.simd_ge(int(0))
                 & x.simd_lt(int(w))
@@ -132,16 +143,19 @@ impl<S: Simd> Way<S> {
             let there = Points::load(simd, &member.features.surface, &places);
             let (same, trust) = step.same_surface(simd, &there, tracked, &places, gather);
             let same = valid & same;
-            let better = same & share.simd_gt(best);
-            best = better.select(share, best);
-            place = better.select(q, place);
-            now = now.unless(!better, &there);
-            met.pixels[c] = places;
-            met.weights[c] = (same & counts).select(share * trust, zero).into();
+            place = same.select(q, place);
+            weight = same.select(trust, weight);
+            now = now.unless(!same, &there);
+            pending &= !same;
+            if !pending.any_true() {
+                break;
+            }
         }
+        met.pixels = place.into();
+        met.weights = counts.select(weight, zero).into();
         self.at = at;
-        self.alive = alive & best.simd_gt(zero);
-        self.nearest = place.into();
+        self.alive = alive & !pending;
+        self.nearest = met.pixels;
         // A surface that moves carries its reference along; one that stands keeps the first, so that errors do not add.
         let stands =
             step.pixel_size.simd_gt(zero) & now.off_plane(tracked).simd_lt(step.pixel_size * gather.plane_distance);

@@ -1,7 +1,7 @@
 //! The a-trous levels, sixteen pixels of a row at once through all taps: sums stay in registers, and lights share the guide
 //! distances of a level.
 
-use super::{LEAST_VARIANCE, SPLINE, TENT, tolerance};
+use super::{LEAST_VARIANCE, TENT, tolerance};
 use crate::kernels::guide_distance_cpu::{Distances, Guides, Tap, inside, three_rows, weight};
 use crate::kernels::lanes::{BLOCK, load, store};
 use crate::kernels::lit_blocks::{Lit, LitBlocks};
@@ -150,13 +150,13 @@ impl Level<'_> {
             }
             out_variance[l * w..][..w].copy_from_slice(variance.row(y, l));
         }
-        let mut distances = Distances::new(2);
+        let mut distances = Distances::new(1);
         let mut places = vec![Place::default(); distances.most()];
         let mut weights = vec![[0.0; BLOCK]; distances.most()];
         let images = (colours, variance);
-        let rows = || (-2..=2).filter_map(|dy| y.checked_add_signed(dy * step)).filter(|row| *row < h);
+        let rows = || (-1..=1).filter_map(|dy| y.checked_add_signed(dy * step)).filter(|row| *row < h);
         for x in (0..w).step_by(BLOCK) {
-            let lit = self.lit.within(rows(), x as isize - 2 * step..(x + BLOCK) as isize + 2 * step);
+            let lit = self.lit.within(rows(), x as isize - step..(x + BLOCK) as isize + step);
             for &l in active.iter().filter(|&&l| !lit.has(l)) {
                 let slot = &slots[l];
                 let end = (x + BLOCK).min(w);
@@ -176,7 +176,7 @@ impl Level<'_> {
             }
             for (place, tap) in places.iter_mut().zip(distances.taps()) {
                 *place = Place {
-                    share: SPLINE[tap.dx.unsigned_abs()] * SPLINE[tap.dy.unsigned_abs()],
+                    share: TENT[tap.dx.unsigned_abs()] * TENT[tap.dy.unsigned_abs()],
                     is_centre: tap.is_centre(),
                     compared: tap.start(self.compared),
                     variance: tap.start(variance),

@@ -4,8 +4,8 @@
 //! |---|---|
 //! | reads | a light's colour planes, the variance of its luminance, [`LocalFeatures`](crate::window::LocalFeatures) |
 //! | writes | the filtered planes |
-//! | reach | sum over levels i of 2 * 2^i + 1 pixels |
-//! | equation | out = sum h w c / sum h w; variance' = sum (h w)^2 v / (sum h w)^2; w = weight(guide distance + stop) |
+//! | reach | sum over levels i of 2^i + 1 pixels |
+//! | equation | out = sum h w c / sum h w over 3x3 taps, h = (1 2 1)^2; variance' = sum (h w)^2 v / (sum h w)^2; w = weight(guide distance + stop) |
 //! | luminance stop | max(0, (m_p - m_q)^2 - v) / (k^2 v + (`least_contrast` m_p)^2), m: means over 3x3 of the same surface and light, v: v_p + min(v_q, `variance_ratio` v_p) of their variances, times `correlation` (of the level), k: in deviations |
 //! | k^2 | from `low`^2 to the light's own (`wavelet.matte` ...)^2 as the first level's v_p passes (`low_noise` m_p)^2 |
 //! | same light | (c_p - c_q)^2 <= t, the pixel's counts less up to 2 t, t = `step`^2 (v_p + v_q), v: their variances |
@@ -25,18 +25,17 @@ use crate::reach::Reach;
 use crate::sequence::LightKind;
 use crate::sequence::settings::Wavelet;
 
-/// Half of the B3 spline's kernel, from the centre outwards (Dammertz et al. 2010).
-pub(crate) const SPLINE: [f32; 3] = [0.375, 0.25, 0.0625];
-/// Kernel of the compared means, from the centre outwards; they are normalised.
+/// Kernel of a level and of the compared means, from the centre outwards; what it sums is normalised. The B3 spline of Dammertz et
+/// al. 2010 is this kernel applied twice at one level: 25 taps where these are 9, and no better (docs/trials.md).
 pub(crate) const TENT: [f32; 2] = [2.0, 1.0];
 /// Keeps the stop's quotient finite where nothing varies.
 pub(crate) const LEAST_VARIANCE: f32 = 1e-12;
 
 /// Variance of a mean over 3x3 pixels after `level` levels, over that of as many independent pixels: neighbours share samples. Found from
-/// [`SPLINE`] and [`TENT`] where nothing stops them. That the taps of a level share samples too is left out: with it
-/// later levels average light that differs (docs/sequence.md).
+/// [`TENT`] where nothing stops it. That the taps of a level share samples too is left out: with it later levels average
+/// light that differs (docs/trials.md).
 pub(crate) fn correlation(level: u32) -> f32 {
-    const OF_LEVEL: [f32; 8] = [1.0, 4.84, 6.505_063, 6.957_337, 7.072_527, 7.101_456, 7.108_697, 7.110_507];
+    const OF_LEVEL: [f32; 8] = [1.0, 3.780_864, 5.987_661, 6.799_359, 7.030_121, 7.090_547, 7.105_935, 7.109_813];
     OF_LEVEL[(level as usize).min(OF_LEVEL.len() - 1)]
 }
 
@@ -66,9 +65,9 @@ pub(crate) fn tolerance(s: &Wavelet, kind: LightKind) -> f32 {
     }
 }
 
-/// How far some levels look: each compares means over 3x3 pixels, and takes taps two steps away.
+/// How far some levels look: each compares means over 3x3 pixels, and takes taps a step away.
 pub(crate) fn reach_of(levels: u32) -> Reach {
-    Reach::around((0..levels).map(|level| 2 * (1usize << level) + 1).sum())
+    Reach::around((0..levels).map(|level| (1usize << level) + 1).sum())
 }
 
 /// How far the stage looks.
@@ -96,9 +95,9 @@ mod tests {
         for level in 0..8u32 {
             let factor = (squares(&convolved(&filtered, &tent)) / (squares(&filtered) * squares(&tent))).powi(2);
             assert!((f64::from(correlation(level)) - factor).abs() < 1e-4, "{level}: {factor}");
-            let mut taps = vec![0.0; (4 << level) + 1];
-            for (k, tap) in [2, 1, 0, 1, 2usize].into_iter().enumerate() {
-                taps[k << level] = f64::from(SPLINE[tap]);
+            let mut taps = vec![0.0; (2 << level) + 1];
+            for (k, tap) in tent.iter().enumerate() {
+                taps[k << level] = *tap;
             }
             filtered = convolved(&filtered, &taps);
         }

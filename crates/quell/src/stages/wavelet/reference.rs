@@ -1,6 +1,6 @@
 //! The specification of `wavelet`.
 
-use super::{LEAST_VARIANCE, SPLINE, TENT, correlation, levels, same_light, tolerance};
+use super::{LEAST_VARIANCE, TENT, correlation, levels, same_light, tolerance};
 use crate::kernels::guide_distance::{guide_distance, weight};
 use crate::kernels::math::luminance;
 use crate::sequence::settings::Wavelet;
@@ -44,13 +44,13 @@ fn a_level(
         for x in 0..w {
             let mut sums = vec![[0.0f64; 3]; slot.planes];
             let (mut total, mut squares) = (0.0f64, 0.0f64);
-            for (dx, dy) in (-2..=2isize).flat_map(|dy| (-2..=2isize).map(move |dx| (dx, dy))) {
+            for (dx, dy) in (-1..=1isize).flat_map(|dy| (-1..=1isize).map(move |dx| (dx, dy))) {
                 let (qx, qy) = (x as isize + dx * step, y as isize + dy * step);
                 if qx < 0 || qy < 0 || qx >= w as isize || qy >= h as isize {
                     continue;
                 }
                 let q = (qx as usize, qy as usize);
-                let share = f64::from(SPLINE[dx.unsigned_abs()] * SPLINE[dy.unsigned_abs()]);
+                let share = f64::from(TENT[dx.unsigned_abs()] * TENT[dy.unsigned_abs()]);
                 let compared = [mean[y * w + x], mean[q.1 * w + q.0]].map(|[mean, v]| [mean, correlation * v]);
                 let stop = luminance_stop(compared[0], compared[1], stops[y * w + x], s);
                 let distance = f64::from(guide_distance(local, class, (x, y), q, s)) + stop;

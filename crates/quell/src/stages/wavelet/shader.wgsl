@@ -64,14 +64,14 @@ fn filtered_level(pixel: vec2i) -> vec4f {
     let contrast = settings.least_contrast * mean.x;
     var total = 0.0;
     var sum = vec4f(0.0);
-    for (var dy = -2; dy <= 2; dy++) {
-        for (var dx = -2; dx <= 2; dx++) {
+    for (var dy = -1; dy <= 1; dy++) {
+        for (var dx = -1; dx <= 1; dx++) {
             let offset = vec2i(dx, dy) * settings.step;
             if !contains(pixel + offset) {
                 continue;
             }
             let q = index_of(pixel + offset);
-            var w = SPLINE[abs(dx)] * SPLINE[abs(dy)];
+            var w = TENT[abs(dx)] * TENT[abs(dy)];
             if q != p {
                 let there = compared_at(q);
                 let d = mean.x - there.x;

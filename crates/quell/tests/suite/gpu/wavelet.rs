@@ -9,13 +9,15 @@ use quell::sequence::{
 use quell::{Backend, Plane, Rgb, Size};
 use std::sync::Arc;
 
-/// Largest difference of one frame, relative to the value plus its plane's mean. Four levels of sums of 25 terms, whose
+/// Largest difference of one frame, relative to the value plus its plane's mean. Five levels of sums of 9 terms, whose
 /// weights are 16th powers of quotients: WGSL allows a quotient 2.5 units in the last place, and sums may be fused. The
 /// luminance stop subtracts variances of like size, so it shows what they lost. Nothing is decided at a threshold: no pixel
 /// may lie beyond. Lavapipe, which rounds every step as the CPU does, is 4e-7 away.
 const WAVELET: f64 = 5e-5;
-/// Of 30 frames: the same, since no frame is made from a filtered one. Stage 4 limits and averages on the CPU.
-const SEQUENCE: f64 = 5e-5;
+/// Of 30 frames with what follows on the CPU. No frame is made from a filtered one, but `stabilise` compares pixels by signatures in half
+/// precision: a difference in the last bit moves one of them by 5e-4, and what comes out by up to a tenth of that (6e-5 on lavapipe;
+/// 3e-7 without `stabilise`).
+const SEQUENCE: f64 = 2e-4;
 
 /// A host as small as can be.
 #[derive(Debug)]
@@ -254,6 +256,11 @@ fn thirty_frames_agree_and_passes_still_add_up() {
     assert!(d <= SEQUENCE, "{d:.1e}");
     // They are not the same bits: this compared two programs.
     assert!(d > 0.0);
+    let mut unsteady = settings.clone();
+    unsteady.set("stabilise.frames", "0").unwrap();
+    let d = difference(&run(&unsteady, frames(), None), &run(&unsteady, frames(), Some(&host)));
+    println!("without stabilise: {d:.1e}");
+    assert!(d <= WAVELET, "{d:.1e}");
     for frame in &found {
         let planes = &frame.lights[1].planes;
         for (i, whole) in planes[0].data().iter().enumerate() {
@@ -275,9 +282,9 @@ fn bands_of_rows_give_the_bits_of_the_whole() {
     let Some(gpu) = gpu() else { return };
     let size = Size::new(9, 150);
     let whole = Arc::new(OnDevice::new(gpu));
-    let banded = Arc::new(OnDevice { most_pixels: 9 * 141, ..OnDevice::new(gpu) });
-    assert_eq!(WaveletJob::margin(5), 67);
-    assert_eq!(SequenceWavelet::bands_of(9 * 141, size, 5).unwrap().len(), 22);
+    let banded = Arc::new(OnDevice { most_pixels: 9 * 79, ..OnDevice::new(gpu) });
+    assert_eq!(WaveletJob::margin(5), 36);
+    assert_eq!(SequenceWavelet::bands_of(9 * 79, size, 5).unwrap().len(), 22);
     let whole = run(&alone(), [frame(size, 0)], Some(&whole));
     assert_eq!(difference(&whole, &run(&alone(), [frame(size, 0)], Some(&banded))), 0.0);
 }
@@ -296,7 +303,7 @@ fn bands_cover_the_picture_once() {
         }
         assert_eq!(next, height);
     }
-    let error = SequenceWavelet::bands_of(3 * 134, Size::new(3, 1000), 5).unwrap_err();
+    let error = SequenceWavelet::bands_of(3 * 72, Size::new(3, 1000), 5).unwrap_err();
     assert!(matches!(error, Error::Size { .. }), "{error}");
 }
 
@@ -314,10 +321,10 @@ pub const PLANTED: &[(&str, &str)] = &[
     ("stops.normal * p.normal.w", "p.normal.w"),
     ("stops.colour * dot(d, d)", "0.9 * stops.colour * dot(d, d)"),
     ("stops.seen_normal * (1.0", "stops.seen_normal * (0.9"),
-    ("vec3f(0.375, 0.25, 0.0625)", "vec3f(0.376, 0.25, 0.0625)"),
     ("settings.least_contrast *", "30.0 * settings.least_contrast *"),
     ("vec3f(0.2126, 0.7152, 0.0722)", "vec3f(0.2126, 0.0722, 0.7152)"),
-    ("TENT[abs(dx)] * TENT[abs(dy)]", "TENT[abs(dx)]"),
+    ("let g = TENT[abs(dx)] *", "let g ="),
+    ("var w = TENT[abs(dx)] *", "var w ="),
     ("TENT: vec2f = vec2f(2.0, 1.0)", "TENT: vec2f = vec2f(2.0, 1.1)"),
     ("spread += g * g * colour.w", "spread += g * colour.w"),
     ("spread /= total * total", "spread /= total"),
@@ -332,8 +339,8 @@ pub const PLANTED: &[(&str, &str)] = &[
     ("if settings.step == 1", "if settings.step >= 1"),
     ("mean.z * v + contrast", "mean.z * v * 1.01 + contrast"),
     ("scale * scale * sum.w", "scale * sum.w"),
-    ("dy <= 2", "dy < 2"),
-    ("dx <= 2", "dx < 2"),
+    ("dy <= 1", "dy < 1"),
+    ("dx <= 1", "dx < 1"),
     ("features.normal = normals[i];", "features.normal = geometry[i];"),
     ("u32(pixel.y) * settings.size.x + u32(pixel.x)", "u32(pixel.y) * settings.size.x + u32(pixel.y)"),
     ("compared[index_of(pixel)] = compared_mean(pixel)", "compared[index_of(pixel)] = 0.9 * compared_mean(pixel)"),
