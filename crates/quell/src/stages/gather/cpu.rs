@@ -195,9 +195,16 @@ impl<S: Simd> Block<S> {
             let (from, to) = if forward { (centre + k - 1, centre + k) } else { (centre + 1 - k, centre - k) };
             let pair = Pair { from: window[from], to: window[to], forward, reflected };
             let mut met_any = false;
-            for (way, met) in self.ways.iter_mut().zip(&mut self.met) {
+            let shown = self.own.iter().zip(&self.own_mirrors);
+            for ((way, met), (own, mirrors)) in self.ways.iter_mut().zip(&mut self.met).zip(shown) {
                 if way.goes_on() {
-                    way.step(simd, pair, job.gather, met);
+                    let shown = match &window[to].features.seen {
+                        Some(there) if reflected && looks_through => {
+                            Shown::Both { own, mirrors, there, bits: &job.mirrors[to] }
+                        }
+                        _ => Shown::Nothing,
+                    };
+                    way.step(simd, pair, &shown, job.gather, met);
                     fetch(window[to], met);
                     met_any = true;
                 } else {
@@ -260,6 +267,27 @@ fn fetch(frame: &PreparedFrame, met: &Met) {
         }
     }
     std::hint::black_box(read);
+}
+
+/// What eight pixels and those of another frame show in mirrors and through glass.
+pub(super) enum Shown<'a> {
+    /// It is not compared.
+    Nothing,
+    /// Albedo and normal of the eight, and which of them are mirrors; of the other frame all.
+    Both { own: &'a [[f32; LANES]; 6], mirrors: &'a [bool; LANES], there: &'a Packed, bits: &'a [u64] },
+}
+
+impl Shown<'_> {
+    /// How alike the things are that the eight pixels and those at `places` show, as weights.
+    #[inline(always)]
+    pub(super) fn likeness<S: Simd>(&self, simd: S, s: &Gather, places: &[i32; LANES]) -> f32x8<S> {
+        match self {
+            Self::Nothing => f32x8::splat(simd, 1.0),
+            Self::Both { own, mirrors, there, bits } => {
+                seen_likeness(simd, s, (own, mirrors), (there, bits, places)).simd_into(simd)
+            }
+        }
+    }
 }
 
 /// How alike the things are that eight pixels and others, at `places`, show in mirrors and through glass, as weights:

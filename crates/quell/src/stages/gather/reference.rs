@@ -1,6 +1,6 @@
 //! The specification of `gather`.
 
-use super::{FREE_COUNT, Gathered, LEAST_COUNT, LEAST_NOISE, Place, decay, lit, seen_distance};
+use super::{ALIKE, FREE_COUNT, Gathered, LEAST_COUNT, LEAST_NOISE, Place, decay, lit, seen_distance};
 use crate::kernels::bilinear::footprint;
 use crate::kernels::guide_distance::weight;
 use crate::kernels::math::luminance;
@@ -149,18 +149,23 @@ fn follow(
         let repeated = still && (from.repeats_noise || there.repeats_noise);
         let back = there.features.motion.get(!forward, reflected);
         let size = pixel_size(&tracked, there.features.pixel_angle);
-        // Of the four pixels around, the nearest that shows the surface: the one with the largest bilinear share.
+        // Of the four pixels around, the nearest that shows the surface: the one with the largest bilinear share. Along the
+        // trajectory of what a mirror shows, those that show the same there go first.
         let around = footprint(at[0], at[1]);
         let nearest = usize::from(at[0] - at[0].floor() > 0.5) + 2 * usize::from(at[1] - at[1].floor() > 0.5);
-        let mut best: Option<(f32, f32, usize)> = None;
+        let mut best: Option<((bool, f32), f32, usize)> = None;
         for (x, y, share) in (0..4).map(|i| around[i ^ nearest]) {
             let row = there.features.row_here(y);
-            let (Some(row), true) = (row, share >= s.least_share && x >= 0 && x < w as isize) else { continue };
+            let (Some(row), true) = (row, share > 0.0 && share >= s.least_share && x >= 0 && x < w as isize) else {
+                continue;
+            };
             let q = row * w + x as usize;
             let miss = back.map(|back| back.at(q)).map(|b| (m[0] + b[0]).hypot(m[1] + b[1]));
             let trust = trust(&there.features.surface[q], &tracked, size, m[0].hypot(m[1]), miss, s);
-            if let Some(trust) = trust.filter(|_| share > best.map_or(0.0, |best| best.0)) {
-                best = Some((share, trust, q));
+            let alike = !reflected || weight(seen_distance(here, p, &there.features, q, s)) >= ALIKE;
+            let rank = (alike, share);
+            if let Some(trust) = trust.filter(|_| rank > best.map_or((false, 0.0), |best| best.0)) {
+                best = Some((rank, trust, q));
             }
         }
         let Some((_, trust, q)) = best else { return };

@@ -182,9 +182,11 @@ fn follow(pixel: vec2i, forward: bool, reflected: bool, mask: u32) {
             pixel_size = there.pixel_angle / tracked.inverse_depth;
         }
         // Of the four pixels around, the nearest that shows the surface: the one with the largest bilinear share. Mostly that is the
-        // nearest of all, and the others are not asked.
+        // nearest of all, and the others are not asked. Along the trajectory of what a mirror shows, those that show the same there
+        // go first.
         let first = select(0, 1, t.x > 0.5) | select(0, 2, t.y > 0.5);
         var best = 0.0;
+        var best_alike = false;
         var trust = 0.0;
         for (var i = 0; i < 4; i++) {
             let tap = i ^ first;
@@ -192,7 +194,14 @@ fn follow(pixel: vec2i, forward: bool, reflected: bool, mask: u32) {
             let share = select(1.0 - t.x, t.x, d.x == 1) * select(1.0 - t.y, t.y, d.y == 1);
             var q = vec2i(corner) + d;
             q.y -= settings.first_row;
-            if share <= best || share < settings.least_share || any(q < vec2i(0)) || any(q >= vec2i(settings.size)) {
+            if share <= 0.0 || share < settings.least_share || any(q < vec2i(0)) || any(q >= vec2i(settings.size)) {
+                continue;
+            }
+            if best_alike && share <= best {
+                continue;
+            }
+            let alike = !reflected || weight(seen_distance(frame_at(settings.centre), there, q)) >= ALIKE;
+            if !alike && (best_alike || share <= best) {
                 continue;
             }
             var miss = -1.0;
@@ -202,6 +211,7 @@ fn follow(pixel: vec2i, forward: bool, reflected: bool, mask: u32) {
             let found = same_surface(surface_at(there, q), tracked, pixel_size, length(m), miss);
             if found >= 0.0 {
                 best = share;
+                best_alike = alike;
                 trust = found;
                 nearest = q;
             }

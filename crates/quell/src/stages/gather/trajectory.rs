@@ -1,5 +1,7 @@
 //! Where the surfaces of eight pixels of a row lie in the other frames of the window, and which of their pixels show them.
 
+use super::ALIKE;
+use super::cpu::Shown;
 use crate::kernels::halves::widen_eight;
 use crate::sequence::settings::Gather;
 use crate::window::{Features, Motion, PreparedFrame, SurfacePoint, Vectors};
@@ -64,9 +66,9 @@ impl<S: Simd> Way<S> {
         self.alive.any_true()
     }
 
-    /// One frame further; the pixels there that show the surfaces.
+    /// One frame further; the pixels there that show the surfaces. `shown`: what mirrors show, where that is compared.
     #[inline(always)]
-    pub(super) fn step(&mut self, simd: S, pair: Pair<'_>, gather: &Gather, met: &mut Met) {
+    pub(super) fn step(&mut self, simd: S, pair: Pair<'_>, shown: &Shown<'_>, gather: &Gather, met: &mut Met) {
         let splat = |v: f32| f32x8::splat(simd, v);
         let int = |v: usize| i32x8::splat(simd, v as i32);
         let zero = splat(0.0);
@@ -120,7 +122,7 @@ impl<S: Simd> Way<S> {
         let candidates =
             [(never, never), (across_first, !across_first), (!across_first, across_first), (!never, !never)];
         let (mut place, mut weight) = (int(0), zero);
-        let mut pending = alive;
+        let (mut found, mut pending) = (never, alive);
         // The surfaces that were found.
         let mut now = Points::none(simd);
         for (other_x, other_y) in candidates {
@@ -143,10 +145,14 @@ impl<S: Simd> Way<S> {
             let there = Points::load(simd, &member.features.surface, &places);
             let (same, trust) = step.same_surface(simd, &there, tracked, &places, gather);
             let same = valid & same;
-            place = same.select(q, place);
-            weight = same.select(trust, weight);
-            now = now.unless(!same, &there);
-            pending &= !same;
+            // One that shows the same in a mirror takes the place of one that is nearer.
+            let alike = shown.likeness(simd, gather, &places).simd_ge(splat(ALIKE));
+            let taken = same & (alike | !found);
+            place = taken.select(q, place);
+            weight = taken.select(trust, weight);
+            now = now.unless(!taken, &there);
+            found |= same;
+            pending &= !(same & alike);
             if !pending.any_true() {
                 break;
             }
@@ -154,7 +160,7 @@ impl<S: Simd> Way<S> {
         met.pixels = place.into();
         met.weights = counts.select(weight, zero).into();
         self.at = at;
-        self.alive = alive & !pending;
+        self.alive = alive & found;
         self.nearest = met.pixels;
         // A surface that moves carries its reference along; one that stands keeps the first, so that errors do not add.
         let stands =
