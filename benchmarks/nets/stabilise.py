@@ -80,6 +80,13 @@ class Net(nn.Module):
         return out, out + torch.sigmoid(y[:, -1:]) * (head[:, 4:7] - out)
 
 
+def begin_with(net, found):
+    """The weights of `found`, which lacks the output that mixes with the input: that one stays as it is."""
+    with torch.no_grad():
+        for own, other in zip(net.layers, found):
+            own.weight[: len(other.weight)], own.bias[: len(other.bias)] = other.weight, other.bias
+
+
 def candidates(head):
     return [head[:, k : k + 3] / head[:, 2:3] for k in (4, 7, 10)]
 
@@ -101,12 +108,14 @@ def main():
     ap.add_argument("--report", default="")
     ap.add_argument("--weights", help="Rust file to write")
     ap.add_argument("--bandwidths", help="Rust file of the net that gives the bandwidths: train that of the share")
+    ap.add_argument("--begin", help="Rust file of the weights to begin with, instead of random ones")
     ap.add_argument("--hidden", default="8,8")
     ap.add_argument("--steps", type=int, default=900)
     ap.add_argument("--sequences", type=int, default=14, help="taken by chance in a step")
     ap.add_argument("--batch", type=int, default=500, help="pixels of each of them")
     ap.add_argument("--rate", type=float, default=6e-3)
     ap.add_argument("--decay", type=float, default=0.5, help="of the weights: without it the net of the bandwidths fits its scenes a little better and others worse; 0.05 for the share")
+    ap.add_argument("--flicker", type=float, default=4.0, help="weight of the error of the logarithm")
     ap.add_argument("--seed", type=int, default=0)
     a = ap.parse_args()
     torch.set_num_threads(1)
@@ -119,6 +128,10 @@ def main():
     scale = scale.mean(0), scale.std(0) + 1e-3
     base = {key: torch.tensor(np.min([figures(c, r) for c in candidates(head)], 0)).float() for key, (head, _, r) in fit.items()}
     net = Net([int(n) for n in a.hidden.split(",")], a.bandwidths and read_rust(a.bandwidths))
+    if a.begin:
+        begin_with(net, read_rust(a.begin))
+        # What these read is scaled in their first layer.
+        scale = torch.zeros_like(scale[0]), torch.ones_like(scale[1])
     optimiser = torch.optim.AdamW(net.parameters(), a.rate, weight_decay=a.decay)
     schedule = torch.optim.lr_scheduler.CosineAnnealingLR(optimiser, a.steps)
     begin = time.time()
@@ -130,7 +143,7 @@ def main():
             i = torch.randint(0, len(head), (a.batch,))
             h = head[i]
             filtered, mixed = net(h, taps[i], scale)
-            of = lambda x: loss(x / h[:, 2:3], reference[i], base[key]).mean()
+            of = lambda x: loss(x / h[:, 2:3], reference[i], base[key], a.flicker).mean()
             total = total + weights[key[0]] * (0.5 * of(filtered) + of(mixed))
         optimiser.zero_grad()
         total.backward()

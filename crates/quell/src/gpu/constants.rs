@@ -63,7 +63,6 @@ const ALL: &[(&str, Number)] = &[
     ("APART", F32(guide_distance::APART)),
     ("LEAST_TOLERANCE", F32(guide_distance::LEAST_TOLERANCE)),
     ("DIVIDED", F32(feature_noise::DIVIDED)),
-    ("ALIKE", F32(gather::ALIKE)),
     ("LEAST_COUNT", F32(gather::LEAST_COUNT)),
     ("FREE_COUNT", F32(gather::FREE_COUNT)),
     ("LEAST_NOISE", F32(gather::LEAST_NOISE)),

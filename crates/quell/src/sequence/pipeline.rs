@@ -122,7 +122,8 @@ impl SequenceStage {
             Self::Wavelet => wavelet::reach(&s.wavelet),
             Self::Residual => residual::reach(&residual::LEVELS),
             Self::PictureResidual => residual::reach(&residual::PICTURE_LEVELS),
-            Self::Sum | Self::Rescale => recombine::reach(),
+            Self::Sum => recombine::sum_reach(),
+            Self::Rescale => recombine::rescale_reach(),
             Self::Stabilise => stabilise::reach(&s.stabilise),
             Self::Blend => blend::reach(),
         }
@@ -221,8 +222,8 @@ mod tests {
         let plan = SequencePlan::new(&s);
         assert_eq!(plan.frames(), 9);
         // Five levels: 31 + 5; variance 2, feature noise 2, the windows of stabilise and blend: 10 each, the net of blend: 20, its
-        // guards 2 each and its kernel 1; residual 56, and 40; two footprints of 2.
-        assert_eq!(plan.rows(0.0, 100.0), 36 + 2 + 2 + 10 + 10 + 20 + 2 * 2 + 1 + 56 + 40 + 2 * 2);
+        // guards 2 each and its kernel 1; residual 56, and 40; the light around black pixels 1; two footprints of 2.
+        assert_eq!(plan.rows(0.0, 100.0), 36 + 2 + 2 + 10 + 10 + 20 + 2 * 2 + 1 + 56 + 40 + 1 + 2 * 2);
         assert_eq!(plan.rows(1.5, 100.0), plan.rows(0.0, 100.0) + 9 + 5);
         assert_eq!(plan.rows(1000.0, 30.0), plan.rows(0.0, 100.0) + 30 + 30);
         s.stabilise.frames = 0;
@@ -232,6 +233,6 @@ mod tests {
         s.wavelet.transmission_levels = 1;
         let plan = SequencePlan::new(&s);
         assert!(!plan.runs(SequenceStage::Stabilise) && plan.to_string().contains("does not run"));
-        assert_eq!((plan.frames(), plan.rows(0.0, 1.0)), (6, 2 + 2 + 2 + 2));
+        assert_eq!((plan.frames(), plan.rows(0.0, 1.0)), (6, 2 + 2 + 2 + 1 + 2));
     }
 }

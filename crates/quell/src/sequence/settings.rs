@@ -106,6 +106,8 @@ parameters! {
             higher "Reflections smear.", lower "Noisier ones.", source "ours";
         seen_normal: f32 = 8.0, 0.0..=1000.0, "per 1 - cosine", "Fall of a sample's weight with the normal seen there.",
             higher "Noisier reflections.", lower "They smear.", source "ours";
+        seen_alike: f32 = 0.5, 0.0..=1.0, "", "Likeness of what mirrors and glass show (albedo and normal) from which a pixel of another frame goes before a nearer one.",
+            higher "Edges seen in mirrors sharpen and crumble.", lower "0: the nearest pixel, whatever it shows: edges seen in mirrors soften.", source "ours: docs/trials.md";
         plane_distance: f32 = 2.0, 0.0..=64.0, "pixel sizes at that depth", "Distance from the tangent plane at which a point of another frame is another surface.",
             higher "Samples cross small steps.", lower "Curved surfaces lose samples.", source "ours";
         camera_plane_distance: f32 = 0.5, 0.0..=64.0, "pixel sizes at that depth", "The same where motion is the camera's alone, as of files without motion vectors.",
@@ -161,6 +163,8 @@ parameters! {
             higher "Less confidence.", lower "More.", source "ours";
         trusted_samples: f32 = 12.0, 1.0..=1000.0, "samples", "Pooled samples from which the variance over time is used alone.",
             higher "The spread over the window counts longer: more blur.", lower "Noisy estimates.", source "ours";
+        least_window: f32 = 1.0, 0.0..=1000.0, "pixels", "Weight of the pixels around below which the spread of the 3x3 pixels around counts too, whatever they show: a lone pixel that few other frames show would pass as free of noise.",
+            higher "Edges are taken for noise.", lower "Black specks at the rims of mirrors and glass.", source "ours: docs/trials.md";
     }
     /// Edge-avoiding a-trous wavelet (Dammertz et al. 2010) with a luminance stop (SVGF, Schied et al. 2017).
     wavelet: Wavelet {

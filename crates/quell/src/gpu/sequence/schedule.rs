@@ -215,6 +215,7 @@ impl<'w> Stages<'w> {
             same_noise: s.same_noise,
             seen_albedo: s.seen_albedo,
             seen_normal: s.seen_normal,
+            seen_alike: s.seen_alike,
             light_deviations: s.light_deviations,
             light_deviations_high: s.light_deviations_high,
             light_noise: s.light_noise,
@@ -307,6 +308,7 @@ impl<'w> Stages<'w> {
         let settings = self.uniform(&LightUniforms {
             radius: s.radius as i32,
             trusted_samples: s.trusted_samples,
+            least_window: s.least_window,
             place: (first % TOGETHER) as u32,
             given: u32::from(light.given),
             ..LightUniforms::new(wavelet, self.size, 1)

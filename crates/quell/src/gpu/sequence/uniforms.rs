@@ -39,6 +39,8 @@ uniforms! {
         pub(super) same_noise: f32,
         pub(super) seen_albedo: f32,
         pub(super) seen_normal: f32,
+        /// Likeness from which a pixel goes before a nearer one.
+        pub(super) seen_alike: f32,
         /// How far the light around may differ in another frame.
         pub(super) light_deviations: f32,
         pub(super) light_deviations_high: f32,
@@ -99,6 +101,8 @@ uniforms! {
         /// whether the renderer gave a variance.
         pub(super) radius: i32,
         pub(super) trusted_samples: f32,
+        /// Weight of the pixels around below which the spread of 3x3 pixels counts too.
+        pub(super) least_window: f32,
         pub(super) place: u32,
         pub(super) given: u32,
     }
@@ -120,6 +124,7 @@ impl LightUniforms {
             least_contrast: light.least_contrast,
             radius: 0,
             trusted_samples: 0.0,
+            least_window: 0.0,
             place: 0,
             given: 0,
             stops: GuideStops {

@@ -2,16 +2,16 @@
 //! threads, one trajectory for all lights, eight colour planes at once on vectors; the frames of the window one after the
 //! other for some pixels of a row, so that few runs of memory are read at a time.
 
-use super::trajectory::{LANES, Met, Pair, Way};
-use super::{FREE_COUNT, Gathered, LEAST_COUNT, LEAST_NOISE, Place, decay, lit, mean_of};
-use crate::kernels::guide_distance::{FARTHEST, LEAST_BASE};
-use crate::kernels::halves::{Eights, Runs, widen_eight, widen_from};
+use super::seen::{Eight, Seen};
+use super::trajectory::{Met, Pair, Way};
+use super::{FREE_COUNT, Gathered, LANES, LEAST_COUNT, LEAST_NOISE, Place, decay, lit, mean_of};
+use crate::kernels::halves::{Eights, Runs, widen_from};
 use crate::kernels::math::{LUMINANCE, three};
 use crate::par;
 use crate::sequence::settings::Gather;
 use crate::simd::dispatch;
-use crate::window::{Class, Features, LightSlot, Packed, PreparedFrame, Rows, Samples};
-use fearless_simd::{Simd, f32x8, prelude::*, u16x8};
+use crate::window::{Class, Features, LightSlot, PreparedFrame, Rows, Samples};
+use fearless_simd::{Simd, f32x8, prelude::*};
 use half::f16;
 
 /// Means over the window for every light of `window[centre]`.
@@ -62,6 +62,12 @@ impl<'a> Job<'a> {
         Self { window, centre, slots, gather, looks_through, mirrors, lanes: lanes.collect() }
     }
 
+    /// What a frame shows in mirrors and through glass, where that is compared.
+    #[inline(always)]
+    fn seen(&self, frame: usize) -> Option<Seen<'_>> {
+        Seen::new(&self.window[frame].features, &self.mirrors[frame]).filter(|_| self.looks_through)
+    }
+
     #[inline(always)]
     fn row<S: Simd>(&self, simd: S, y: usize, colours: &mut [f32], moments: &mut [f32]) {
         let here = self.window[self.centre];
@@ -84,8 +90,7 @@ impl<'a> Job<'a> {
             ways: Vec::with_capacity(GROUPS),
             sums: vec![Sums::default(); BLOCK * self.lanes.len()],
             met: [Met::default(); GROUPS],
-            own: [[[0.0; LANES]; 6]; GROUPS],
-            own_mirrors: [[false; LANES]; GROUPS],
+            own: [Eight::default(); GROUPS],
         };
         let (mut surface, mut reflected) = (new(), new());
         for first in (0..w).step_by(BLOCK) {
@@ -128,37 +133,28 @@ struct Block<S: Simd> {
     sums: Vec<Sums>,
     /// Of each eight pixels.
     met: [Met; GROUPS],
-    /// What mirrors and glass show of each eight pixels: albedo and normal one after the other, channel by channel.
-    own: [[[f32; LANES]; 6]; GROUPS],
-    /// Which of them are mirrors or clear glass.
-    own_mirrors: [[bool; LANES]; GROUPS],
+    /// What each eight pixels show in mirrors and through glass.
+    own: [Eight; GROUPS],
 }
 
 impl<S: Simd> Block<S> {
     /// Sums up what the pixels from `first` on meet in all frames.
     #[inline(always)]
     fn walk(&mut self, simd: S, job: &Job<'_>, first: usize, wanted: &[bool; BLOCK], reflected: bool) {
-        let here = &job.window[job.centre].features;
-        let looks_through = job.looks_through;
+        let seen = job.seen(job.centre);
         for (g, wanted) in wanted.as_chunks::<LANES>().0.iter().enumerate() {
             if !wanted.contains(&true) {
                 continue;
             }
             let pixels = first + LANES * g;
             let mut alike = [1.0; LANES];
-            if let (true, Some(seen)) = (looks_through, &here.seen) {
+            if let Some(seen) = seen {
                 let mut places = [0i32; LANES];
                 for i in (0..LANES).filter(|i| wanted[*i]) {
                     places[i] = (pixels + i) as i32;
                 }
-                self.own[g] = of_eight(simd, seen, &places);
-                self.own_mirrors[g] = mirrors_of_eight(&job.mirrors[job.centre], &places);
-                alike = seen_likeness(
-                    simd,
-                    job.gather,
-                    (&self.own[g], &self.own_mirrors[g]),
-                    (seen, &job.mirrors[job.centre], &places),
-                );
+                self.own[g] = Eight::new(simd, seen, &places);
+                alike = self.own[g].likeness(simd, job.gather, seen, &places).into();
             }
             for i in (0..LANES).filter(|i| wanted[*i]) {
                 for (k, lanes) in job.lanes.iter().enumerate() {
@@ -185,7 +181,6 @@ impl<S: Simd> Block<S> {
     ) {
         let (window, centre) = (job.window, job.centre);
         let here = &window[centre].features;
-        let looks_through = job.looks_through;
         let steps = if forward { window.len() - 1 - centre } else { centre }.min(job.gather.frames as usize);
         self.ways.clear();
         for (g, wanted) in wanted.as_chunks::<LANES>().0.iter().enumerate() {
@@ -194,17 +189,10 @@ impl<S: Simd> Block<S> {
         for k in 1..=steps {
             let (from, to) = if forward { (centre + k - 1, centre + k) } else { (centre + 1 - k, centre - k) };
             let pair = Pair { from: window[from], to: window[to], forward, reflected };
-            let mut met_any = false;
-            let shown = self.own.iter().zip(&self.own_mirrors);
-            for ((way, met), (own, mirrors)) in self.ways.iter_mut().zip(&mut self.met).zip(shown) {
+            let (mut met_any, seen) = (false, job.seen(to));
+            for ((way, met), own) in self.ways.iter_mut().zip(&mut self.met).zip(&self.own) {
                 if way.goes_on() {
-                    let shown = match &window[to].features.seen {
-                        Some(there) if reflected && looks_through => {
-                            Shown::Both { own, mirrors, there, bits: &job.mirrors[to] }
-                        }
-                        _ => Shown::Nothing,
-                    };
-                    way.step(simd, pair, &shown, job.gather, met);
+                    way.step(simd, pair, seen.map(|seen| (own, seen)), job.gather, met);
                     fetch(window[to], met);
                     met_any = true;
                 } else {
@@ -218,13 +206,8 @@ impl<S: Simd> Block<S> {
                 if met.weights == [0.0; LANES] {
                     continue;
                 }
-                let mut alike = [1.0; LANES];
-                if let (true, Some(seen)) = (looks_through, &window[to].features.seen) {
-                    let there = (seen, &*job.mirrors[to], &met.pixels);
-                    alike = seen_likeness(simd, job.gather, (&self.own[g], &self.own_mirrors[g]), there);
-                }
                 for i in (0..LANES).filter(|i| met.weights[*i] != 0.0) {
-                    let (pixel, share) = (met.pixels[i] as usize, (met.weights[i], alike[i]));
+                    let (pixel, share) = (met.pixels[i] as usize, (met.weights[i], met.alike[i]));
                     let sums = &mut self.sums[(LANES * g + i) * job.lanes.len()..];
                     for (lanes, sums) in job.lanes.iter().zip(sums) {
                         let there = &lanes.frames[to];
@@ -267,124 +250,6 @@ fn fetch(frame: &PreparedFrame, met: &Met) {
         }
     }
     std::hint::black_box(read);
-}
-
-/// What eight pixels and those of another frame show in mirrors and through glass.
-pub(super) enum Shown<'a> {
-    /// It is not compared.
-    Nothing,
-    /// Albedo and normal of the eight, and which of them are mirrors; of the other frame all.
-    Both { own: &'a [[f32; LANES]; 6], mirrors: &'a [bool; LANES], there: &'a Packed, bits: &'a [u64] },
-}
-
-impl Shown<'_> {
-    /// How alike the things are that the eight pixels and those at `places` show, as weights.
-    #[inline(always)]
-    pub(super) fn likeness<S: Simd>(&self, simd: S, s: &Gather, places: &[i32; LANES]) -> f32x8<S> {
-        match self {
-            Self::Nothing => f32x8::splat(simd, 1.0),
-            Self::Both { own, mirrors, there, bits } => {
-                seen_likeness(simd, s, (own, mirrors), (there, bits, places)).simd_into(simd)
-            }
-        }
-    }
-}
-
-/// How alike the things are that eight pixels and others, at `places`, show in mirrors and through glass, as weights:
-/// [`super::seen_distance`] on lanes.
-#[inline(always)]
-fn seen_likeness<S: Simd>(
-    simd: S,
-    s: &Gather,
-    (own, own_mirrors): (&[[f32; LANES]; 6], &[bool; LANES]),
-    (seen, mirrors, places): (&Packed, &[u64], &[i32; LANES]),
-) -> [f32; LANES] {
-    let there = of_eight(simd, seen, places);
-    // Light that was divided by what it shows never mixes with light that was not.
-    let mut apart = [0.0f32; LANES];
-    let others = mirrors_of_eight(mirrors, places);
-    for (apart, (own, other)) in apart.iter_mut().zip(own_mirrors.iter().zip(others)) {
-        *apart = f32::from(u8::from(*own != other));
-    }
-    let (zero, one) = (f32x8::splat(simd, 0.0), f32x8::splat(simd, 1.0));
-    let load = |v: &[f32; LANES]| -> f32x8<S> { (*v).simd_into(simd) };
-    let (tolerance, mut squared, mut cosine) = (s.seen_albedo * s.seen_albedo, zero, zero);
-    let mut has_normals = zero.simd_lt(zero);
-    for c in 0..3 {
-        let d = load(&own[2 * c]) - load(&there[2 * c]);
-        squared += d * d;
-        let (a, normal) = (load(&own[2 * c + 1]), load(&there[2 * c + 1]));
-        cosine = if c == 0 { a * normal } else { cosine + a * normal };
-        has_normals |= !a.simd_eq(zero) | !normal.simd_eq(zero);
-    }
-    let bend = has_normals.select((one - cosine) * s.seen_normal, zero);
-    let distance = squared * 0.5 / tolerance + bend;
-    // `guide_distance::weight`
-    let b = one - distance * (1.0 / FARTHEST);
-    let mut b = b.simd_ge(f32x8::splat(simd, LEAST_BASE)).select(b, zero);
-    for _ in 0..4 {
-        b *= b;
-    }
-    let apart: f32x8<S> = apart.simd_into(simd);
-    apart.simd_gt(zero).select(zero, b).into()
-}
-
-/// Which of eight pixels are mirrors or clear glass, from [`Features::mirror_bits`].
-#[inline(always)]
-fn mirrors_of_eight(bits: &[u64], places: &[i32; LANES]) -> [bool; LANES] {
-    let mut found = [false; LANES];
-    if bits.is_empty() {
-        return found;
-    }
-    for (found, place) in found.iter_mut().zip(places) {
-        let place = *place as usize;
-        *found = match bits.get(place / 64) {
-            Some(word) => word >> (place % 64) & 1 == 1,
-            None => false,
-        };
-    }
-    found
-}
-
-/// What eight pixels show in mirrors and through glass: albedo and normal one after the other, channel by channel.
-#[inline(always)]
-fn of_eight<S: Simd>(simd: S, seen: &Packed, places: &[i32; LANES]) -> [[f32; LANES]; 6] {
-    let row = |i: usize| -> u16x8<S> { of_each(seen, places[i] as usize).simd_into(simd) };
-    // Eight rows of a pixel each become six columns of a channel each, by three rounds that interleave.
-    let (a, b) = (interleaved(row(0), row(4)), interleaved(row(2), row(6)));
-    let (c, d) = (interleaved(row(1), row(5)), interleaved(row(3), row(7)));
-    let (even, odd) = (interleaved(a[0], b[0]), interleaved(c[0], d[0]));
-    let (first, second) = (interleaved(even[0], odd[0]), interleaved(even[1], odd[1]));
-    let third = interleaved(a[1].zip_low(b[1]), c[1].zip_low(d[1]));
-    let widened = |halves: u16x8<S>| -> [f32; LANES] {
-        let halves: [u16; LANES] = halves.into();
-        widen_eight(simd, bytemuck::cast(halves)).into()
-    };
-    [widened(first[0]), widened(first[1]), widened(second[0]), widened(second[1]), widened(third[0]), widened(third[1])]
-}
-
-#[inline(always)]
-fn interleaved<S: Simd>(a: u16x8<S>, b: u16x8<S>) -> [u16x8<S>; 2] {
-    [a.zip_low(b), a.zip_high(b)]
-}
-
-/// What a pixel shows in mirrors and through glass: albedo and normal one after the other, and two halves that mean nothing.
-#[inline(always)]
-fn of_each(seen: &Packed, pixel: usize) -> [u16; LANES] {
-    // That the sum does not overflow is plain to the compiler so.
-    let at = (6 * pixel) & (usize::MAX >> 1);
-    match seen.data.get(at..at + LANES) {
-        Some(run) => bytemuck::cast(*run.first_chunk::<LANES>().unwrap_or(&[f16::ZERO; LANES])),
-        None => last_of_each(&seen.data, at),
-    }
-}
-
-/// Of the last pixel, with nothing behind it.
-#[cold]
-fn last_of_each(data: &[f16], at: usize) -> [u16; LANES] {
-    let mut found = [0; LANES];
-    found.iter_mut().zip(data.iter().skip(at)).for_each(|(found, half)| *found = half.to_bits());
-    found
 }
 
 /// A colour plane of a light.

@@ -25,6 +25,8 @@
 pub(crate) mod cpu;
 pub mod reference;
 #[cfg(feature = "cpu")]
+mod seen;
+#[cfg(feature = "cpu")]
 pub(crate) mod trajectory;
 
 use crate::kernels::guide_distance::APART;
@@ -33,11 +35,12 @@ use crate::sequence::LightKind;
 use crate::sequence::settings::Gather;
 use crate::window::{Features, LightSlot, PreparedFrame, Rows, Samples};
 
+/// Pixels that are followed at once, and planes that are averaged at once.
+#[cfg(feature = "cpu")]
+const LANES: usize = 8;
+
 /// The worth of a mean in samples from which its spread says something of its variance.
 pub(crate) const LEAST_COUNT: f32 = 1.01;
-
-/// Likeness of what mirrors show from which a pixel goes before a nearer one.
-pub(crate) const ALIKE: f32 = 0.5;
 
 /// Samples that a pixel without noise is worth: its variance is 0, and beside it that of pixels with noise still counts.
 pub(crate) const FREE_COUNT: f32 = 16.0;

@@ -1,6 +1,6 @@
 //! The specification of `gather`.
 
-use super::{ALIKE, FREE_COUNT, Gathered, LEAST_COUNT, LEAST_NOISE, Place, decay, lit, seen_distance};
+use super::{FREE_COUNT, Gathered, LEAST_COUNT, LEAST_NOISE, Place, decay, lit, seen_distance};
 use crate::kernels::bilinear::footprint;
 use crate::kernels::guide_distance::weight;
 use crate::kernels::math::luminance;
@@ -162,7 +162,7 @@ fn follow(
             let q = row * w + x as usize;
             let miss = back.map(|back| back.at(q)).map(|b| (m[0] + b[0]).hypot(m[1] + b[1]));
             let trust = trust(&there.features.surface[q], &tracked, size, m[0].hypot(m[1]), miss, s);
-            let alike = !reflected || weight(seen_distance(here, p, &there.features, q, s)) >= ALIKE;
+            let alike = !reflected || weight(seen_distance(here, p, &there.features, q, s)) >= s.seen_alike;
             let rank = (alike, share);
             if let Some(trust) = trust.filter(|_| rank > best.map_or((false, 0.0), |best| best.0)) {
                 best = Some((rank, trust, q));

@@ -200,7 +200,7 @@ fn follow(pixel: vec2i, forward: bool, reflected: bool, mask: u32) {
             if best_alike && share <= best {
                 continue;
             }
-            let alike = !reflected || weight(seen_distance(frame_at(settings.centre), there, q)) >= ALIKE;
+            let alike = !reflected || weight(seen_distance(frame_at(settings.centre), there, q)) >= settings.seen_alike;
             if !alike && (best_alike || share <= best) {
                 continue;
             }

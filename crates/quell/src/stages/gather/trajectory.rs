@@ -1,15 +1,12 @@
 //! Where the surfaces of eight pixels of a row lie in the other frames of the window, and which of their pixels show them.
 
-use super::ALIKE;
-use super::cpu::Shown;
+use super::LANES;
+use super::seen::{Eight, Seen};
 use crate::kernels::halves::widen_eight;
 use crate::sequence::settings::Gather;
 use crate::window::{Features, Motion, PreparedFrame, SurfacePoint, Vectors};
 use fearless_simd::{Simd, f32x8, i32x8, mask32x8, prelude::*};
 use half::f16;
-
-/// Pixels that are followed at once.
-pub(super) const LANES: usize = 8;
 
 /// The pixels of a frame that show the surfaces of eight pixels.
 #[derive(Clone, Copy, Debug, Default)]
@@ -18,6 +15,8 @@ pub(super) struct Met {
     pub pixels: [i32; LANES],
     /// Trust in the surface, 0..1; 0: none shows it.
     pub weights: [f32; LANES],
+    /// How alike the things are that mirrors and glass show, 0..1.
+    pub alike: [f32; LANES],
 }
 
 /// Two neighbouring frames of a window.
@@ -66,9 +65,17 @@ impl<S: Simd> Way<S> {
         self.alive.any_true()
     }
 
-    /// One frame further; the pixels there that show the surfaces. `shown`: what mirrors show, where that is compared.
+    /// One frame further; the pixels there that show the surfaces. `shown`: what the eight pixels show in mirrors and through glass, and the
+    /// frame, where that is compared.
     #[inline(always)]
-    pub(super) fn step(&mut self, simd: S, pair: Pair<'_>, shown: &Shown<'_>, gather: &Gather, met: &mut Met) {
+    pub(super) fn step(
+        &mut self,
+        simd: S,
+        pair: Pair<'_>,
+        shown: Option<(&Eight, Seen<'_>)>,
+        gather: &Gather,
+        met: &mut Met,
+    ) {
         let splat = |v: f32| f32x8::splat(simd, v);
         let int = |v: usize| i32x8::splat(simd, v as i32);
         let zero = splat(0.0);
@@ -121,7 +128,8 @@ impl<S: Simd> Way<S> {
         let never = zero.simd_lt(zero);
         let candidates =
             [(never, never), (across_first, !across_first), (!across_first, across_first), (!never, !never)];
-        let (mut place, mut weight) = (int(0), zero);
+        let (mut place, mut weight, mut likeness) = (int(0), zero, splat(1.0));
+        let ranked = shown.filter(|_| reflected);
         let (mut found, mut pending) = (never, alive);
         // The surfaces that were found.
         let mut now = Points::none(simd);
@@ -146,8 +154,13 @@ impl<S: Simd> Way<S> {
             let (same, trust) = step.same_surface(simd, &there, tracked, &places, gather);
             let same = valid & same;
             // One that shows the same in a mirror takes the place of one that is nearer.
-            let alike = shown.likeness(simd, gather, &places).simd_ge(splat(ALIKE));
+            let shows = match ranked {
+                Some((own, seen)) => own.likeness(simd, gather, seen, &places),
+                None => splat(1.0),
+            };
+            let alike = shows.simd_ge(splat(gather.seen_alike));
             let taken = same & (alike | !found);
+            likeness = taken.select(shows, likeness);
             place = taken.select(q, place);
             weight = taken.select(trust, weight);
             now = now.unless(!taken, &there);
@@ -158,6 +171,10 @@ impl<S: Simd> Way<S> {
             }
         }
         met.pixels = place.into();
+        if let (Some((own, seen)), None) = (shown, ranked) {
+            likeness = own.likeness(simd, gather, seen, &met.pixels);
+        }
+        met.alike = likeness.into();
         met.weights = counts.select(weight, zero).into();
         self.at = at;
         self.alive = alive & found;

@@ -1,6 +1,6 @@
 //! The specification of what makes a picture of light, and passes of a picture.
 
-use super::{factors, mirror_colour, raw};
+use super::{Black, black_pixels, factors, light_around, mirror_colour, raw};
 use crate::frame::Rgb;
 use crate::plane::Plane;
 use crate::stages::blend::Blend;
@@ -50,6 +50,7 @@ pub fn rescale(
     blend: Option<&Blend>,
 ) -> Vec<Vec<Plane<Rgb>>> {
     let size = frame.features.size;
+    let black = black_pixels(frame, slots, colours, [before, after], blend);
     let mut lights: Vec<Vec<Plane<Rgb>>> =
         frame.slots.iter().map(|slot| vec![Plane::filled(size, [0.0; 3]); slot.planes]).collect();
     for slot in slots {
@@ -64,6 +65,14 @@ pub fn rescale(
                     let mixture = filtered[c] + own * (unfiltered[c] - filtered[c]) + gain[c] * filtered[c];
                     mixture * whole[c] * mirror[c]
                 });
+            }
+            for Black { at: (x, y), gain } in &black {
+                let around = light_around(slot, k, colours, (*x, *y));
+                let p = y * size.width + x;
+                let mirror = mirror_colour(&frame.features, slot).and_then(|colour| colour.get(p)).unwrap_or([1.0; 3]);
+                for c in 0..3 {
+                    plane.data_mut()[p][c] += gain[c] * around[c] * mirror[c];
+                }
             }
         }
     }

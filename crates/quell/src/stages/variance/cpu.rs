@@ -3,12 +3,12 @@
 use crate::kernels::guide_distance_cpu::{Distances, Guides, inside, three_rows, weight};
 use crate::kernels::lanes::{BLOCK, store};
 use crate::kernels::lit_blocks::LitBlocks;
-use crate::kernels::math::LUMINANCE;
+use crate::kernels::math::{LUMINANCE, luminance};
 use crate::par;
 use crate::plane::Plane;
 use crate::sequence::settings::{Variance, Wavelet};
 use crate::stages::gather::Gathered;
-use crate::window::{Class, LocalFeatures};
+use crate::window::{Class, LightSlot, LocalFeatures};
 use fearless_simd::{Simd, f32x16, prelude::*};
 
 /// One row of `out`, a channel a light. Arguments as those of [`super::reference::run`].
@@ -58,11 +58,35 @@ pub(crate) fn row<S: Simd>(
             let over_time = if freedom > 0.0 { spread / freedom } else { 0.0 };
             let mean = first / total;
             let over_space = (second / total - mean * mean).max(0.0) * count[x];
-            let otherwise = given.map(|given| given[x]).filter(|v| !v.is_nan()).unwrap_or(over_space);
             let trust = (freedom / s.trusted_samples).min(1.0);
+            let otherwise = match given.map(|given| given[x]).filter(|v| !v.is_nan()) {
+                Some(given) => given,
+                None if trust < 1.0 && total - 1.0 < s.least_window => {
+                    let alone = 1.0 - (total - 1.0) / s.least_window;
+                    over_space + alone * spread_around(gathered, &slots[l], x, y) * count[x]
+                }
+                None => over_space,
+            };
             out[l * w + x] = (over_time * trust + otherwise * (1.0 - trust)) / count[x].max(1.0);
         }
     }
+}
+
+/// Spread of a light's means over 3x3 pixels, whatever they show.
+#[cold]
+fn spread_around(gathered: &Gathered, slot: &LightSlot, x: usize, y: usize) -> f32 {
+    let size = gathered.colours.size();
+    let (mut first, mut second, mut total) = (0.0f32, 0.0f32, 0.0f32);
+    for qy in y.saturating_sub(1)..(y + 2).min(size.height) {
+        for qx in x.saturating_sub(1)..(x + 2).min(size.width) {
+            let mean = luminance(gathered.colours.colour(qx, qy, 3 * slot.first));
+            first += mean;
+            second += mean * mean;
+            total += 1.0;
+        }
+    }
+    let mean = first / total;
+    (second / total - mean * mean).max(0.0)
 }
 
 /// Sums over the taps of the pixels from `x` on, five a light; of those that do not take part they stay 0.

@@ -5,7 +5,7 @@ use crate::kernels::math::luminance;
 use crate::plane::Plane;
 use crate::sequence::settings::{Variance, Wavelet};
 use crate::stages::gather::Gathered;
-use crate::window::{Class, LocalFeatures, Rows};
+use crate::window::{Class, LightSlot, LocalFeatures, Rows};
 
 /// Runs the stage on the whole image: one channel a light of `gathered`, the variance of the luminance of its mean.
 ///
@@ -61,7 +61,21 @@ fn pixel(
     let over_time = if freedom > 0.0 { spread / freedom } else { 0.0 };
     let mean = first / total;
     let over_space = (second / total - mean * mean).max(0.0) * count;
+    let alone = (1.0 - (total - 1.0) / f64::from(s.least_window)).max(0.0);
+    let over_space =
+        if alone > 0.0 { over_space + alone * spread_around(gathered, slot, x, y) * count } else { over_space };
     let otherwise = given.map_or(over_space, f64::from);
     let trust = (freedom / f64::from(s.trusted_samples)).min(1.0);
     ((over_time * trust + otherwise * (1.0 - trust)) / count.max(1.0)) as f32
+}
+
+/// Spread of a light's means over 3x3 pixels, whatever they show.
+fn spread_around(gathered: &Gathered, slot: &LightSlot, x: usize, y: usize) -> f64 {
+    let size = gathered.colours.size();
+    let rows = y.saturating_sub(1)..(y + 2).min(size.height);
+    let around = rows.flat_map(|qy| (x.saturating_sub(1)..(x + 2).min(size.width)).map(move |qx| (qx, qy)));
+    let means: Vec<f64> =
+        around.map(|(qx, qy)| f64::from(luminance(gathered.colours.colour(qx, qy, 3 * slot.first)))).collect();
+    let mean = means.iter().sum::<f64>() / means.len() as f64;
+    means.iter().map(|m| (m - mean).powi(2)).sum::<f64>() / means.len() as f64
 }

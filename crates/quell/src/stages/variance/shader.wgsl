@@ -4,6 +4,25 @@
 // The pass supplies `features_at`, `light_at` (mean, and the variance of one sample's luminance), `count_at` (samples that
 // the mean is worth) and `given_at` (the variance that the renderer gave; below 0: unknown).
 
+// Spread of the means over 3x3 pixels, whatever they show.
+fn spread_around(pixel: vec2i) -> f32 {
+    var first = 0.0;
+    var second = 0.0;
+    var total = 0.0;
+    for (var dy = -1; dy <= 1; dy++) {
+        for (var dx = -1; dx <= 1; dx++) {
+            if contains(pixel + vec2i(dx, dy)) {
+                let mean = luminance(light_at(index_of(pixel + vec2i(dx, dy))).xyz);
+                first += mean;
+                second += mean * mean;
+                total += 1.0;
+            }
+        }
+    }
+    let mean = first / total;
+    return max(second / total - mean * mean, 0.0);
+}
+
 // The variance of the mean's luminance at a pixel.
 fn pooled_variance(pixel: vec2i) -> f32 {
     let p = index_of(pixel);
@@ -44,6 +63,9 @@ fn pooled_variance(pixel: vec2i) -> f32 {
     }
     let mean = first / total;
     var otherwise = max(second / total - mean * mean, 0.0) * count;
+    if total - 1.0 < settings.least_window {
+        otherwise += (1.0 - (total - 1.0) / settings.least_window) * spread_around(pixel) * count;
+    }
     let given = given_at(p);
     if given >= 0.0 {
         otherwise = given;
