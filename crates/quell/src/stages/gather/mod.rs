@@ -12,13 +12,17 @@
 //! | parameters | `gather.*` |
 //!
 //! A sample is a pixel of one frame: the mean of its paths. A pixel's surface is followed by its motion, frame by frame
-//! (`trajectory.rs`). Of the four pixels around the place where it leads in a frame, the nearest that shows the surface is taken as it is (in mirrors
-//! and glass one that shows the same there, if any does), not their bilinear mean: that costs half as much, and noise and blur are no worse (docs/trials.md). A pixel there shows the same surface where it
-//! lies on the tangent plane of the surface here and normals agree (it stands). Off that plane, it must have about the same depth and
-//! normal, and motion there and back again must end where it began, where there is motion back (it moves; `moving_weight`). Where motion is
-//! the camera's alone, `camera_plane_distance` and `camera_moving_weight` take their place.
-//! Light that changed is other light, however sure the surface: a shadow or a lamp that moves, a highlight on what turns. What a
-//! surface or the sky emits passes as it is where no medium is lit.
+//! (`trajectory.rs`). Of the four pixels around the place where it leads in a frame, the nearest that shows the surface is
+//! taken as it is, not their bilinear mean: that costs half as much, and noise and blur are no worse (docs/trials.md). In
+//! mirrors and glass one that shows the same there goes first (`seen_alike`; `seen.rs`).
+//!
+//! A pixel there shows the same surface where it lies on the tangent plane of the surface here and normals agree (it stands).
+//! Off that plane, it must have about the same depth and normal, and motion there and back again must end where it began,
+//! where there is motion back (it moves; `moving_weight`). Where motion is the camera's alone, `camera_plane_distance` and
+//! `camera_moving_weight` take their place.
+//!
+//! Light that changed is other light, however sure the surface: a shadow or a lamp that moves, a highlight on what turns. What
+//! a surface or the sky emits passes as it is where no medium is lit.
 //! Where one seed was used for all frames, samples of a pixel that stands are left out: they have the same noise.
 
 #[cfg(feature = "cpu")]

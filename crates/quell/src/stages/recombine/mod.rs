@@ -10,9 +10,10 @@
 //! | source | \[S] of the paper, "multiplied back"; the scale ours: `docs/sequence.md` |
 //!
 //! One factor a pixel and channel for all passes: they add up to the blended picture as they did before. Where the picture is
-//! not positive after, after / before counts as 1. No factor gives light to a channel that was black (at few samples the rims of mirrors and
-//! glass: no path found light, and no pixel shows the same). Its passes take after / around times their means over the 3x3 pixels around,
-//! around: the picture that these means would make in this pixel. Light without noise stays as it is.
+//! not positive after, after / before counts as 1. No factor gives light to a channel that was black (at few samples the rims
+//! of mirrors and glass: no path found light, and no pixel shows the same). Its passes take after / around times their means
+//! over the 3x3 pixels around, where around is the picture that these means would make in this pixel. Light without noise stays
+//! as it is.
 
 #[cfg(feature = "cpu")]
 pub(crate) mod cpu;

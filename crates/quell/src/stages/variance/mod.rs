@@ -9,9 +9,10 @@
 //! | source | SVGF (Schied et al. 2017) 4.2, for samples gathered at once; pooling ours: `docs/sequence.md` |
 //! | parameters | `variance.*`, edge-stopping functions of `wavelet.*` |
 //!
-//! v_other, where samples are few (a first frame, what was just uncovered), is the spread of the means over the window times n,
-//! or the variance that the renderer gave. Where the window has few pixels that show the same (less than `least_window`), the spread over the 3x3 pixels around
-//! counts too: a lone black pixel, at the rim of a mirror or of glass, would else have no noise.
+//! v_other, where samples are few (a first frame, what was just uncovered), is the spread of the means over the window times
+//! n, or the variance that the renderer gave. Where the window has few pixels that show the same (less than `least_window`),
+//! the spread over the 3x3 pixels around counts too: a lone black pixel, at the rim of a mirror or of glass, would else have
+//! no noise.
 
 #[cfg(feature = "cpu")]
 pub(crate) mod cpu;
