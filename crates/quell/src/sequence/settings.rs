@@ -6,11 +6,11 @@ use crate::parameter::{parameters, preset_named};
 /// A named set of values of the sequence filter's parameters.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum SequencePreset {
-    /// The least error: samples of 8 frames before and 8 after, pictures of 3: the windows that the nets were trained with.
+    /// The least error: samples of 6 frames before and 6 after, pictures of 3.
     #[default]
     Sequence,
     /// For previews, long shots and machines with little memory: samples of 3 frames before and 3 after, pictures of 1, so that 9
-    /// frames wait in memory in place of 23. Noisier where samples are few: `docs/sequence.md`.
+    /// frames wait in memory in place of 19. Noisier where samples are few: `docs/sequence.md`.
     Short,
 }
 

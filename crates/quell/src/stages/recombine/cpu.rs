@@ -1,6 +1,7 @@
 //! Light and colour recombined on all threads, a row at once: each step is a loop over numbers beside each other, which becomes vectors.
 
-use super::{Black, black_pixels, factors, light_around, mirror_colour};
+use super::black::BlackPixels;
+use super::{factors, mirror_colour};
 use crate::frame::Rgb;
 use crate::par;
 use crate::plane::Plane;
@@ -119,7 +120,7 @@ pub(crate) fn rescale(
             }
         }
     });
-    let black = black_pixels(frame, slots, colours, [before, after], blend);
+    let black = BlackPixels::new(frame, slots, colours, [before, after], blend);
     let plane = |slot: &LightSlot, k: usize| {
         let mut plane = Plane::filled(size, [0.0; 3]);
         par::rows(plane.data_mut(), width, |y, out| {
@@ -134,14 +135,7 @@ pub(crate) fn rescale(
             interleave(&light, out);
             reflect(frame, slot, y * width, out);
         });
-        for Black { at: (x, y), gain } in &black {
-            let around = light_around(slot, k, colours, (*x, *y));
-            let mut light = [[0, 1, 2].map(|c| gain[c] * around[c])];
-            reflect(frame, slot, y * width + x, &mut light);
-            for c in 0..3 {
-                plane.data_mut()[y * width + x][c] += light[0][c];
-            }
-        }
+        black.add_to(&mut plane, slot, k);
         plane
     };
     let light = |slot: &LightSlot| match slots.iter().find(|lit| lit.light == slot.light) {

@@ -1,6 +1,7 @@
 //! The specification of what makes a picture of light, and passes of a picture.
 
-use super::{Black, black_pixels, factors, light_around, mirror_colour, raw};
+use super::black::BlackPixels;
+use super::{factors, mirror_colour_at, raw, weight_at};
 use crate::frame::Rgb;
 use crate::plane::Plane;
 use crate::stages::blend::Blend;
@@ -14,8 +15,8 @@ pub fn sum(frame: &PreparedFrame, slots: &[LightSlot], colours: &Rows) -> Plane<
         for slot in slots.iter().filter(|slot| frame.in_beauty[slot.light]) {
             let p = y * size.width + x;
             let light = colours.colour(x, y, 3 * slot.first);
-            let weight = frame.weights[slot.light].as_ref().map_or([1.0; 3], |weight| weight.at(p));
-            let mirror = mirror_colour(&frame.features, slot).and_then(|colour| colour.get(p)).unwrap_or([1.0; 3]);
+            let weight = weight_at(frame, slot, p);
+            let mirror = mirror_colour_at(&frame.features, slot, p);
             for c in 0..3 {
                 picture[c] += f64::from(light[c]) * f64::from(weight[c]) * f64::from(mirror[c]);
             }
@@ -50,7 +51,7 @@ pub fn rescale(
     blend: Option<&Blend>,
 ) -> Vec<Vec<Plane<Rgb>>> {
     let size = frame.features.size;
-    let black = black_pixels(frame, slots, colours, [before, after], blend);
+    let black = BlackPixels::new(frame, slots, colours, [before, after], blend);
     let mut lights: Vec<Vec<Plane<Rgb>>> =
         frame.slots.iter().map(|slot| vec![Plane::filled(size, [0.0; 3]); slot.planes]).collect();
     for slot in slots {
@@ -58,7 +59,7 @@ pub fn rescale(
             for (p, value) in plane.data_mut().iter_mut().enumerate() {
                 let filtered = colours.colour(p % size.width, p / size.width, 3 * (slot.first + k));
                 let unfiltered = raw(frame, slot, k, p).unwrap_or(filtered);
-                let mirror = mirror_colour(&frame.features, slot).and_then(|colour| colour.get(p)).unwrap_or([1.0; 3]);
+                let mirror = mirror_colour_at(&frame.features, slot, p);
                 let at = (p % size.width, p / size.width);
                 let (own, gain, whole) = factors(before.data()[p], after.data()[p], blend, at);
                 *value = [0, 1, 2].map(|c| {
@@ -66,14 +67,7 @@ pub fn rescale(
                     mixture * whole[c] * mirror[c]
                 });
             }
-            for Black { at: (x, y), gain } in &black {
-                let around = light_around(slot, k, colours, (*x, *y));
-                let p = y * size.width + x;
-                let mirror = mirror_colour(&frame.features, slot).and_then(|colour| colour.get(p)).unwrap_or([1.0; 3]);
-                for c in 0..3 {
-                    plane.data_mut()[p][c] += gain[c] * around[c] * mirror[c];
-                }
-            }
+            black.add_to(plane, slot, k);
         }
     }
     lights

@@ -568,7 +568,7 @@ fn every_parameter_is_the_devices_too() {
     let frames: Vec<SequenceFrame> = (0..3).map(|t| scene(Size::new(16, 12), t)).collect();
     // What the device makes, and no more.
     let alone = settings(&[("stabilise.frames", "0"), ("blend.choose", "false")]);
-    // The one in the middle has neighbours on both sides: what no parameter changes there, it changes nowhere.
+    // The one in the middle alone, which has neighbours on both sides.
     let run = |settings: &SequenceSettings, host: Option<&Host>| run_wanted(settings, frames.clone(), host, |t| t == 1);
     let base = run(&alone, None);
     let of_device = |name: &str| ["gather.", "variance.", "wavelet."].iter().any(|group| name.starts_with(group));
