@@ -66,6 +66,12 @@ parameters! {
             higher "The sun seen in a mirror leaks into the pixels that it is mixed with.", lower "Lamps seen in mirrors blur.", source "ours: lamps are 21 in `hall`, 30 in `night`, glitter 1000 in `harbour`";
         edge_colour: f32 = 0.2, 0.0..=1.0, "", "Colour of reflections from which a pixel at a mirror's edge counts as part of it.",
             higher "A dotted line around mirrors.", lower "Glossy surfaces beside mirrors are divided by their picture.", source "ours";
+        background_normal: f32 = 0.5, 0.0..=2.0, "", "Length of the normal seen in a mirror below which it shows the background.",
+            higher "Things seen in mirrors mix with the sky.", lower "What is half sky keeps its noise.", source "ours";
+        background_pixels: u32 = 3, 0..=16, "pixels", "Half the side of the window over which the background seen in a mirror is averaged before light is divided by it.",
+            higher "Less noise of water and rough metal under the sky.", lower "0: the divisor's noise, which is the reflection's, comes back.", source "ours: docs/sequence.md";
+        background_deviations: f32 = 5.0, 0.0..=64.0, "standard deviations", "Pixels whose background differs by more do not count. The deviation is that of the direction that varies least, of four: half of the true one or less.",
+            higher "Clouds seen in mirrors blur.", lower "Noise stays.", source "ours";
     }
     /// Motion of what mirrors and clear glass show, matched between neighbouring frames.
     reflections: Reflections {

@@ -1,5 +1,6 @@
 //! Which pixels are mirrors or clear glass, and the colour of what they show.
 
+use super::background;
 use super::local::Class;
 use super::packed::half_or_full;
 use super::sparse::Sparse;
@@ -50,6 +51,9 @@ pub(super) fn mirror_colour(frame: &SequenceFrame, s: &Mirrors) -> Option<Sparse
         *colour = WHITE;
     }
     colour_lamps(frame.size, &mut colours, lamps);
+    if let Some(normal) = &frame.seen_normal {
+        background::smooth(frame.size, &mut colours, normal, s);
+    }
     divide_edges(frame, &mut colours, s);
     let kept = |i: usize| if colours[i] == WHITE { WHITE } else { half_or_full(colours[i]) };
     Some(Sparse::new(colours.len(), kept, |_| WHITE))

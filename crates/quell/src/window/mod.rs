@@ -4,6 +4,7 @@
 //! features.rs    feature buffers of a frame
 //! light_means/   means of the light around each pixel, and how sure they are
 //! local.rs       slopes and noise beside them; which of them a light's filter reads
+//! background.rs  the background as mirrors show it, less its noise
 //! mirrors.rs     which pixels are mirrors or clear glass, and the colour of what they show
 //! prepared.rs    a frame made ready: its feature buffers and its light
 //! packed.rs      colours in half precision
@@ -16,6 +17,7 @@
 //! A band of rows knows where it lies in the picture ([`Features::first_row`]), so that every stage gives the bits that
 //! it gives for the whole picture.
 
+mod background;
 pub(crate) mod features;
 pub(crate) mod light_means;
 pub(crate) mod local;
