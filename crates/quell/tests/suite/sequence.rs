@@ -454,15 +454,17 @@ fn every_parameter_matters() {
                 [(x as f32 + SPEED * t as f32) * 0.1, y as f32 * -0.1, 0.4 * random(x, y, t, 7) - z]
             }));
             f.depth = Some(depth);
-            // With a lamp in it.
+            // With a lamp in it, and the noisy sky.
+            let sky = |x: usize, y: usize| (18..28).contains(&x) && (12..22).contains(&y);
             let shown = |x: usize, y: usize| match (x, y) {
                 (12..14, 8..10) => [80.0; 3],
+                _ if sky(x, y) => [0.4 + 0.3 * random(x, y, t, 9); 3],
                 _ => [0.2 + 0.5 * random((x + 2 * t as usize) / 3, y / 3, 0, 8); 3],
             };
             f.seen_albedo = Some(Plane::from_fn(SIZE, shown));
             f.seen_normal = Some(Plane::from_fn(SIZE, |x, y| {
                 let a = random((x + 2 * t as usize) / 4, y / 4, 0, 3);
-                [a.sin(), a.cos(), 0.0]
+                if sky(x, y) { [0.0; 3] } else { [a.sin(), a.cos(), 0.0] }
             }));
             f.albedo = Some(Plane::from_fn(SIZE, |x, y| {
                 if inside(x, y) { [0.0; 3] } else { [0.06 + 0.5 * random(x / 2, y, 0, 4); 3] }
