@@ -69,7 +69,7 @@ parameters! {
         background_normal: f32 = 0.5, 0.0..=2.0, "", "Length of the normal seen in a mirror below which it shows the background.",
             higher "Things seen in mirrors mix with the sky.", lower "What is half sky keeps its noise.", source "ours";
         background_pixels: u32 = 3, 0..=16, "pixels", "Half the side of the window over which the background seen in a mirror is averaged before light is divided by it.",
-            higher "Less noise of water and rough metal under the sky.", lower "0: the divisor's noise, which is the reflection's, comes back.", source "ours: docs/sequence.md";
+            higher "Less noise of water under the sky.", lower "0: the divisor's noise, which is the reflection's, comes back.", source "ours: docs/sequence.md";
         background_deviations: f32 = 5.0, 0.0..=64.0, "standard deviations", "Pixels whose background differs by more do not count. The deviation is that of the direction that varies least, of four: half of the true one or less.",
             higher "Clouds seen in mirrors blur.", lower "Noise stays.", source "ours";
     }

@@ -1,13 +1,14 @@
 //! The background as mirrors show it, less its noise.
 //!
 //! Cycles' albedo of a mirror is that of what the mirror shows, a mean of samples. Where it shows the background, that is the
-//! background's light: on waves, rough metal or at few samples as noisy as the reflection, since it is the reflection. Light that
+//! background's light: on waves as noisy as the reflection, since it is the reflection. Light that
 //! is divided by it has no noise left, nothing is filtered, and the product has all of it again. So there the divisor is a mean over the
 //! pixels around that show the background, too, as far as they differ by no more than noise does: edges of clouds stay.
 //!
 //! The noise is the least of second differences along four directions, pooled over 5x5 pixels: along an edge or a
 //! stripe there is none.
 
+use super::light_means::SECOND_DIFFERENCE;
 use super::mirrors::WHITE;
 use super::rows::Rows;
 use crate::frame::Rgb;
@@ -16,6 +17,7 @@ use crate::plane::{Plane, Size};
 use crate::sequence::settings::Mirrors;
 #[cfg(feature = "cpu")]
 use crate::simd::widest;
+use std::ops::Range;
 
 #[cfg(not(feature = "cpu"))]
 macro_rules! widest {
@@ -26,8 +28,6 @@ macro_rules! widest {
 
 /// Half the side of the window of the noise.
 const POOLED: usize = 2;
-/// Squares of 1, -2 and 1: what independent noise of variance 1 gives.
-const SECOND_DIFFERENCE: f32 = 6.0;
 /// Columns and rows from the first of three pixels to the second.
 const DIRECTIONS: [(usize, isize); 4] = [(1, 0), (0, 1), (1, 1), (1, -1)];
 /// Channels of the image: a colour, and 1 where the pixel takes part.
@@ -121,19 +121,20 @@ fn smooth_row((image, noise): (&Rows, &Rows), (y, radius): (usize, usize), devia
         for d in 0..=2 * radius {
             let Overlap { here, there } = Overlap::of(w, d, radius);
             let n = here.len();
-            let own = [0, 1, 2].map(|c| &image.row(y, c)[here.clone()][..n]);
-            let other = [0, 1, 2, SHOWS].map(|c| &image.row(v, c)[there.clone()][..n]);
+            let at = |y: usize, c: usize, columns: &Range<usize>| &image.row(y, c)[columns.clone()][..n];
+            let (own_red, own_green, own_blue) = (at(y, 0, &here), at(y, 1, &here), at(y, 2, &here));
+            let (its_red, its_green, its_blue) = (at(v, 0, &there), at(v, 1, &there), at(v, 2, &there));
+            let shows = at(v, SHOWS, &there);
             let tolerance = &tolerance[here.clone()][..n];
             let (count, red) = (&mut count[here.clone()][..n], &mut red[here.clone()][..n]);
             let (green, blue) = (&mut green[here.clone()][..n], &mut blue[here.clone()][..n]);
             for i in 0..n {
-                let d = [0, 1, 2].map(|c| own[c][i] - other[c][i]);
-                let d = d[0] * d[0] + d[1] * d[1] + d[2] * d[2];
-                let weight = (1.0 - d / tolerance[i]).max(0.0) * other[3][i];
+                let (r, g, b) = (own_red[i] - its_red[i], own_green[i] - its_green[i], own_blue[i] - its_blue[i]);
+                let weight = (1.0 - (r * r + g * g + b * b) / tolerance[i]).max(0.0) * shows[i];
                 count[i] += weight;
-                red[i] += weight * other[0][i];
-                green[i] += weight * other[1][i];
-                blue[i] += weight * other[2][i];
+                red[i] += weight * its_red[i];
+                green[i] += weight * its_green[i];
+                blue[i] += weight * its_blue[i];
             }
         }
     }
@@ -145,8 +146,8 @@ fn smooth_row((image, noise): (&Rows, &Rows), (y, radius): (usize, usize), devia
 
 /// The pixels of a row whose neighbour lies in it, and these neighbours.
 struct Overlap {
-    here: std::ops::Range<usize>,
-    there: std::ops::Range<usize>,
+    here: Range<usize>,
+    there: Range<usize>,
 }
 
 impl Overlap {

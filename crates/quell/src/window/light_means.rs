@@ -34,7 +34,7 @@ const STRONGEST: f32 = 1e4;
 /// Keeps quotients finite where nothing varies.
 const LEAST: f32 = 1e-20;
 /// Variance of the second difference a - 2 b + c of independent values of variance 1.
-const SECOND_DIFFERENCE: f32 = 6.0;
+pub(super) const SECOND_DIFFERENCE: f32 = 6.0;
 /// Luminances beyond it count as it: squares stay finite.
 const MOST: f32 = 1e15;
 /// Means and deviations are no larger than the largest sample, and half precision holds twice this.

@@ -19,7 +19,8 @@ const LARGEST_LAMP: usize = 64;
 
 /// The colour of what is seen in mirrors and through glass; 1 at other pixels. Divided by it, a reflection is as smooth as the
 /// light on the things reflected. Where a surface has a diffuse colour of its own (what multiplies matte light, or else the
-/// albedo), the renderer's `seen` albedo is that colour, which the reflection does not carry.
+/// albedo), the renderer's `seen` albedo is that colour, which the reflection does not carry. Where the background is seen, it is
+/// smoothed within its noise (`background.rs`).
 pub(super) fn mirror_colour(frame: &SequenceFrame, s: &Mirrors) -> Option<Sparse<Rgb>> {
     let matte = |l: &&Light| matches!(l.kind, LightKind::MatteDirect | LightKind::MatteIndirect);
     let diffuse = frame.lights.iter().filter(matte).find_map(|l| l.weight.as_deref());
