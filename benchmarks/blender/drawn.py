@@ -193,7 +193,18 @@ def build(seed):
     walk = [0.0] * 6 if r.random() < 0.2 else [r.gauss(0, 0.05) for _ in range(6)]
     path = lambda t: kit.look(tuple(p + t * v for p, v in zip(start, walk[:3])), tuple(p + t * v for p, v in zip(target, walk[3:])))
     kit.animate(camera, FRAMES, path)
+    camera["seed"] = seed
     return camera
+
+
+def open_lens(camera):
+    """Depth of field: what is out of focus is spread over some pixels of 192."""
+    r = random.Random(9000 + camera["seed"])
+    lens = camera.data
+    lens.dof.use_dof, lens.dof.focus_distance, lens.dof.aperture_fstop = True, r.uniform(2.5, 9), 1.4
+    # a larger camera with the same view: a usual lens would hardly blur a small picture
+    larger = r.uniform(3.0, 9.0)
+    lens.lens, lens.sensor_width = larger * lens.lens, larger * lens.sensor_width
 
 
 def settings(cycles, seed):

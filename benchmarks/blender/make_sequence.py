@@ -2,14 +2,15 @@
 
     python make_sequence.py --scene workshop --kind noisy     --out OUT/workshop/noisy
     python make_sequence.py --scene workshop --kind reference --out OUT/workshop/reference [--frames 2,4,6-8]
-    python make_sequence.py --scene yard [--variant f14|fog] --kind noisy --out OUT/yard/noisy
+    python make_sequence.py --scene yard [--variant f14|fog|blur] --kind noisy --out OUT/yard/noisy
 
 Needs `pip install bpy==5.0.1` (Python 3.11). Scenes are built in code, nothing is loaded. Same version and arguments,
-same pixels. Files: OUT/SCENE.####.exr, Blender's own multi-layer OpenEXR, one part a pass, colours half. Frames that
-exist are left alone, so an interrupted run goes on.
+same pixels. Files: OUT/SCENE.####.exr (of a variant OUT/SCENE-VARIANT.####.exr), Blender's own multi-layer OpenEXR, one
+part a pass, colours half. Frames that exist are left alone, so an interrupted run goes on.
 
 Noisy frames have seed = frame, references seed = 100000 + frame and the same settings with more samples, so that they are
-the mean of the noisy ones. No denoising, no motion blur, no adaptive sampling, no compositing.
+the mean of the noisy ones. No denoising, no motion blur but in the variant `blur` (half a frame), no adaptive sampling, no
+compositing.
 
     workshop  2 samples, box filter 1 px, no clamping, no caustics: as `hall`
     others    4 samples, and else Blender's defaults: Blackman-Harris filter 1.5 px, indirect clamp 10, filter glossy 1,
@@ -67,7 +68,7 @@ def main():
     ap = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     ap.add_argument("--scene", choices=SCENES, required=True)
     ap.add_argument("--kind", choices=("noisy", "reference"), required=True)
-    ap.add_argument("--variant", choices=("plain", "f14", "fog"), default="plain")
+    ap.add_argument("--variant", choices=("plain", "f14", "fog", "blur"), default="plain")
     ap.add_argument("--draw", type=int, default=0, help="which of the scenes of `drawn`, any number")
     ap.add_argument("--out", required=True)
     ap.add_argument("--frames", help="as 1-4,7; all by default")
@@ -92,7 +93,8 @@ def main():
     render.engine, cycles.device = "CYCLES", "CPU"
     render.resolution_x, render.resolution_y = (int(v) for v in a.size.split("x"))
     render.resolution_percentage, render.fps = 100, 24
-    render.use_motion_blur = render.use_compositing = render.use_sequencer = False
+    render.use_compositing = render.use_sequencer = False
+    render.use_motion_blur, render.motion_blur_shutter = a.variant == "blur", 0.5
     render.use_persistent_data = True
     if a.threads:
         render.threads_mode, render.threads = "FIXED", a.threads
@@ -105,9 +107,10 @@ def main():
     passes(scene.view_layers[0])
     output(render)
 
+    name = a.scene if a.variant == "plain" else f"{a.scene}-{a.variant}"
     os.makedirs(a.out, exist_ok=True)
     for frame in numbers(a.frames) if a.frames else range(1, module.FRAMES + 1):
-        path = os.path.join(a.out, f"{a.scene}.{frame:04d}.exr")
+        path = os.path.join(a.out, f"{name}.{frame:04d}.exr")
         if os.path.exists(path):
             continue
         scene.frame_set(frame)

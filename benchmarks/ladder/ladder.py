@@ -60,7 +60,7 @@ class Rung:
 def rungs(data, shared, scenes, counts, frames):
     """All that can be scored now."""
     found = []
-    for scene in render.SCENES:
+    for scene in render.SCENES + render.VARIANTS:
         reference = os.path.join(data, scene, "reference")
         kept = os.path.join(reference, "samples.json")
         if not os.path.exists(kept):

@@ -22,6 +22,8 @@ import time
 HERE = os.path.dirname(os.path.abspath(__file__))
 sys.path.insert(0, os.path.dirname(HERE))
 SCENES = ("yard", "night", "mitsuba", "harbour", "kitchen", "workshop")
+# with what cameras do: depth of field, fog, motion blur; rendered and scored where --scenes names them
+VARIANTS = ("yard-f14", "yard-fog", "yard-blur", "kitchen-blur", "harbour-blur")
 LAST = {"workshop": 8}
 SCORED = {"workshop": (4, 6)}
 COUNTS = {"workshop": (2, 4, 16, 64)}
@@ -69,7 +71,8 @@ def command(data, job, frames, threads):
     scene, folder, spp, piece, _ = job
     maker = "make_mitsuba.py" if scene == "mitsuba" else "../blender/make_sequence.py"
     kind = ["--kind", "noisy"] if piece is None else ["--kind", "reference", "--piece", str(piece)]
-    which = [] if scene == "mitsuba" else ["--scene", scene]
+    base, _, variant = scene.partition("-")
+    which = [] if scene == "mitsuba" else ["--scene", base, "--variant", variant or "plain"]
     return [
         sys.executable, os.path.join(HERE, maker), *which, *kind, "--spp", str(spp), "--threads", str(threads),
         "--frames", ",".join(map(str, frames)), "--out", os.path.join(data, scene, folder),

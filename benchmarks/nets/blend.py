@@ -227,6 +227,7 @@ def main():
     ap.add_argument("--tile", type=int, default=56, help="pixels, of which 4 at each border do not count; 8 more than a multiple of 16")
     ap.add_argument("--flicker", type=float, default=3.0, help="weight of the error of the logarithm")
     ap.add_argument("--blocks", type=float, default=10.0, help="weight of blocks that are worse than the input")
+    ap.add_argument("--many", type=float, default=1.5, help="how much more often sequences of 64 samples are drawn")
     ap.add_argument("--threads", type=int, default=1)
     ap.add_argument("--seed", type=int, default=0)
     a = ap.parse_args()
@@ -240,7 +241,7 @@ def main():
     frames = [(frame, base(frame)) for group in fit.values() for frame in group]
     counts = [int(count.split("_")[1]) for (_, count), group in fit.items() for _ in group]
     # A picture counts by its pixels, up to a point; a sequence as much however many frames it has; many samples more, which are rarer.
-    share = lambda count, group: (1.5 if count == "noisy_64" else 1.0) / len(group)
+    share = lambda count, group: (a.many if count == "noisy_64" else 1.0) / len(group)
     weights = np.array([min(f["noise"].numel(), 60000) * share(count, group) for (_, count), group in fit.items() for f in group])
     net = Net()
     read = torch.cat([frame["read"].flatten(1) for frame, _ in frames], 1)
