@@ -81,6 +81,9 @@ def main():
 
     bpy.ops.wm.read_factory_settings(use_empty=True)
     module = __import__(a.scene)
+    needed = {"f14": "open_lens", "fog": "fog"}.get(a.variant)
+    if needed and not hasattr(module, needed):
+        ap.error(f"the scene {a.scene} has no variant {a.variant}")
     drawn = [a.draw] if a.scene == "drawn" else []
     camera = module.build(*drawn)
     if a.variant == "f14":

@@ -22,7 +22,7 @@ import time
 HERE = os.path.dirname(os.path.abspath(__file__))
 sys.path.insert(0, os.path.dirname(HERE))
 SCENES = ("yard", "night", "mitsuba", "harbour", "kitchen", "workshop")
-# with what cameras do: depth of field, fog, motion blur; rendered and scored where --scenes names them
+# depth of field, fog, motion blur: rendered only where --scenes names them
 VARIANTS = ("yard-f14", "yard-fog", "yard-blur", "kitchen-blur", "harbour-blur")
 LAST = {"workshop": 8}
 SCORED = {"workshop": (4, 6)}
