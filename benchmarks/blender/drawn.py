@@ -207,6 +207,30 @@ def open_lens(camera):
     lens.lens, lens.sensor_width = larger * lens.lens, larger * lens.sensor_width
 
 
+def fine_textures(camera):
+    """Checks and grain of two to four pixels and little contrast on what has a colour, and a mirror or two that show them."""
+    r = random.Random(7000 + camera["seed"])
+    kit.box("behind", (-9, -8.3, 0), (9, -8, r.uniform(2, 5)), kit.diffuse("behind", color(r)))  # for the mirrors to show
+    for mat in bpy.data.materials:
+        tree = mat.node_tree
+        for node in [n for n in tree.nodes if n.bl_idname in ("ShaderNodeBsdfDiffuse", "ShaderNodeBsdfPrincipled")]:
+            contrast, scale = r.uniform(0.1, 0.5), r.uniform(8, 30)
+            pattern = r.choice([kit.checker, kit.checker, kit.noise])((1.0,) * 3, (1.0 - contrast,) * 3, scale)(tree)
+            socket = node.inputs.get("Color") or node.inputs["Base Color"]
+            product = tree.nodes.new("ShaderNodeVectorMath")
+            product.operation = "MULTIPLY"
+            product.inputs[0].default_value = tuple(socket.default_value)[:3]
+            if socket.is_linked:
+                tree.links.new(socket.links[0].from_socket, product.inputs[0])
+            tree.links.new(pattern, product.inputs[1])
+            tree.links.new(product.outputs[0], socket)
+    mirror = kit.principled("mirror", (0.9, 0.9, 0.9), 0.0, metal=1.0)
+    kit.box("mirror", (-4, 4.8, 0.2), (4, 4.9, 2.6), mirror)
+    if r.random() < 0.5:
+        found = kit.box("leaning", (-0.7, -0.03, 0), (0.7, 0.03, 1.4), mirror)
+        found.location, found.rotation_euler = (r.uniform(-2, 2), r.uniform(0, 3), 0), (r.uniform(-0.3, 0), 0, r.uniform(-0.6, 0.6))
+
+
 def settings(cycles, seed):
     r = random.Random(5000 + seed)
     cycles.max_bounces, cycles.volume_bounces = r.choice([4, 6, 8, 12]), 0

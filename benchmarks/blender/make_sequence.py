@@ -2,7 +2,7 @@
 
     python make_sequence.py --scene workshop --kind noisy     --out OUT/workshop/noisy
     python make_sequence.py --scene workshop --kind reference --out OUT/workshop/reference [--frames 2,4,6-8]
-    python make_sequence.py --scene yard [--variant f14|fog|blur] --kind noisy --out OUT/yard/noisy
+    python make_sequence.py --scene yard [--variant f14|fog|blur|fine] --kind noisy --out OUT/yard/noisy
 
 Needs `pip install bpy==5.0.1` (Python 3.11). Scenes are built in code, nothing is loaded. Same version and arguments,
 same pixels. Files: OUT/SCENE.####.exr (of a variant OUT/SCENE-VARIANT.####.exr), Blender's own multi-layer OpenEXR, one
@@ -68,7 +68,7 @@ def main():
     ap = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     ap.add_argument("--scene", choices=SCENES, required=True)
     ap.add_argument("--kind", choices=("noisy", "reference"), required=True)
-    ap.add_argument("--variant", choices=("plain", "f14", "fog", "blur"), default="plain")
+    ap.add_argument("--variant", choices=("plain", "f14", "fog", "blur", "fine"), default="plain")
     ap.add_argument("--draw", type=int, default=0, help="which of the scenes of `drawn`, any number")
     ap.add_argument("--out", required=True)
     ap.add_argument("--frames", help="as 1-4,7; all by default")
@@ -81,7 +81,7 @@ def main():
 
     bpy.ops.wm.read_factory_settings(use_empty=True)
     module = __import__(a.scene)
-    needed = {"f14": "open_lens", "fog": "fog"}.get(a.variant)
+    needed = {"f14": "open_lens", "fog": "fog", "fine": "fine_textures"}.get(a.variant)
     if needed and not hasattr(module, needed):
         ap.error(f"the scene {a.scene} has no variant {a.variant}")
     drawn = [a.draw] if a.scene == "drawn" else []
@@ -90,6 +90,8 @@ def main():
         module.open_lens(camera)
     elif a.variant == "fog":
         module.fog()
+    elif a.variant == "fine":
+        module.fine_textures(camera)
 
     scene = bpy.context.scene
     render, cycles = scene.render, scene.cycles

@@ -109,6 +109,7 @@ def main():
     ap.add_argument("--weights", help="Rust file to write")
     ap.add_argument("--bandwidths", help="Rust file of the net that gives the bandwidths: train that of the share")
     ap.add_argument("--begin", help="Rust file of the weights to begin with, instead of random ones")
+    ap.add_argument("--keep", type=float, default=0.0, help="share of the weights of --begin in those that are written: between both ends lie nets that keep most of what either learned")
     ap.add_argument("--hidden", default="8,8")
     ap.add_argument("--steps", type=int, default=900)
     ap.add_argument("--sequences", type=int, default=14, help="taken by chance in a step")
@@ -132,6 +133,7 @@ def main():
         begin_with(net, read_rust(a.begin))
         # What these read is scaled in their first layer.
         scale = torch.zeros_like(scale[0]), torch.ones_like(scale[1])
+    begun = [p.detach().clone() for p in net.parameters()]
     optimiser = torch.optim.AdamW(net.parameters(), a.rate, weight_decay=a.decay)
     schedule = torch.optim.lr_scheduler.CosineAnnealingLR(optimiser, a.steps)
     begin = time.time()
@@ -151,6 +153,9 @@ def main():
         schedule.step()
         if step % 100 == 0:
             print(step, float(total.detach()) / sum(weights[scene] for scene, _ in chosen), f"{time.time() - begin:.0f} s", flush=True)
+    with torch.no_grad():
+        for value, before in zip(net.parameters(), begun):
+            value.lerp_(before, a.keep)
     for (scene, count), data in sets.items():
         report(net, scale, *data, f"{scene} {count}{' (fit)' if scene in weights else ''}")
     if a.weights:
