@@ -375,3 +375,25 @@ pub(crate) fn silhouette(features: &Features, x: usize, y: usize, nearer: f32) -
         })
     })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The order in which a mean is summed must not decide whether the noise over time is known.
+    #[test]
+    fn no_share_of_neighbours_lies_at_its_bound() {
+        let apart = |bound: f32, radius: usize| {
+            let sides = 1..2 * radius + 2;
+            let windows = sides.clone().flat_map(|w| sides.clone().map(move |h| w * h));
+            let shares = windows
+                .flat_map(|pixels| (0..=2 * FRAMES * pixels).map(move |k| k as f32 / (2 * FRAMES * pixels) as f32));
+            shares.map(|share| (share / bound - 1.0).abs()).fold(f32::MAX, f32::min)
+        };
+        for radius in [NOISE_NEAR, NOISE_WIDE] {
+            assert!(apart(LEAST_SEEN, radius) > 1e-3);
+            // Canary: a twentieth itself.
+            assert!(apart(0.05, radius) < 1e-6);
+        }
+    }
+}
