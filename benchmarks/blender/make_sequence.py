@@ -2,7 +2,8 @@
 
     python make_sequence.py --scene workshop --kind noisy     --out OUT/workshop/noisy
     python make_sequence.py --scene workshop --kind reference --out OUT/workshop/reference [--frames 2,4,6-8]
-    python make_sequence.py --scene yard [--variant f14|fog|blur|fine] --kind noisy --out OUT/yard/noisy
+    python make_sequence.py --scene yard [--variant f14|fog|blur] --kind noisy --out OUT/yard/noisy
+    python make_sequence.py --scene drawn --draw 88 [--variant f14|blur|fine] --kind noisy --out OUT/drawn/88/noisy
 
 Needs `pip install bpy==5.0.1` (Python 3.11). Scenes are built in code, nothing is loaded. Same version and arguments,
 same pixels. Files: OUT/SCENE.####.exr (of a variant OUT/SCENE-VARIANT.####.exr), Blender's own multi-layer OpenEXR, one
@@ -81,17 +82,13 @@ def main():
 
     bpy.ops.wm.read_factory_settings(use_empty=True)
     module = __import__(a.scene)
-    needed = {"f14": "open_lens", "fog": "fog", "fine": "fine_textures"}.get(a.variant)
-    if needed and not hasattr(module, needed):
+    change = {"f14": "open_lens", "fog": "fog", "fine": "fine_textures"}.get(a.variant)
+    if change and not hasattr(module, change):
         ap.error(f"the scene {a.scene} has no variant {a.variant}")
     drawn = [a.draw] if a.scene == "drawn" else []
     camera = module.build(*drawn)
-    if a.variant == "f14":
-        module.open_lens(camera)
-    elif a.variant == "fog":
-        module.fog()
-    elif a.variant == "fine":
-        module.fine_textures(camera)
+    if change:
+        getattr(module, change)(camera)
 
     scene = bpy.context.scene
     render, cycles = scene.render, scene.cycles

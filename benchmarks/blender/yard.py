@@ -148,7 +148,7 @@ def open_lens(camera):
     camera.data.lens, camera.data.sensor_width = 180.0, 36.0 * 180.0 / 35.0
 
 
-def fog():
+def fog(_camera):
     """A box of thin, forward-scattering mist around yard and camera."""
     mat = bpy.data.materials.new("mist")
     mat.use_nodes = True

@@ -97,9 +97,9 @@ pub(crate) const NOISE_WIDE: usize = 5;
 pub(crate) const LEAST: f32 = 1.0 / (1 << 24) as f32;
 /// Keeps quotients finite where a picture is black.
 pub(crate) const LEAST_BRIGHTNESS: f32 = 1e-12;
-/// Share of neighbours in time up to which the noise over time is unknown: a twentieth. A mean over a window is a quarter of a whole number
-/// over its pixels, and many are a twentieth to the bit: the bound lies between that and the next, so that the order of a sum does not
-/// decide.
+/// Share of neighbours in time up to which the noise over time is unknown: a twentieth. Over a window of n pixels the share is k / (4 n)
+/// with whole k, so it often is a twentieth. The bound lies between that and the next larger share that a window can have: rounding
+/// does not decide on which side a pixel falls.
 pub(crate) const LEAST_SEEN: f32 = 0.05025;
 /// The most that brightness of one surface changes between neighbours in time for its noise to be scaled by it.
 pub(crate) const MOST_CHANGE: f32 = 4.0;

@@ -14,7 +14,7 @@ use quell::{Backend, Plane, Size};
 use std::sync::{Arc, Mutex};
 
 /// Largest difference, relative to the value plus the mean of its plane. Signatures are halves: a last bit of what they are made of
-/// turns one to the next half, and weights fall fast with their distance. (The worst of all cases differs by 4e-6.)
+/// turns one to the next half, and weights fall fast with their distance. (The worst of all cases differs by 2e-6.)
 const BOUND: f64 = 1e-4;
 /// The same where a GPU contracts products and sums.
 const OF_HARDWARE: f64 = 2e-3;
