@@ -229,8 +229,10 @@ parameters! {
             higher "Less is corrected.", lower "Low frequencies of the frame's noise come back.", source "ours: docs/sequence.md";
         picture: bool = true, (), "", "The stabilised picture is corrected in the same way.",
             higher "Lamps that switch and shadows that move leave nothing in the frames around.", lower "A little steadier, with some of the light of the frames around.", source "ours: docs/sequence.md";
-        picture_sure: f32 = 4.0, 0.0..=1000.0, "times its variance", "The squared residual of the stabilised picture below which nothing is corrected.",
+        picture_sure: f32 = 4.0, 0.0..=1000.0, "times its variance", "The squared residual of the stabilised picture below which nothing is corrected, but for `residual.picture_around`.",
             higher "Less is corrected.", lower "Low frequencies of the frame's noise come back.", source "ours: docs/sequence.md";
+        picture_around: f32 = 1.6, 1.0..=16.0, "times its variance", "The mean squared residual of the windows around, each over its variance, above which the light is taken to change there: then a window is corrected whose own residual is below `residual.picture_sure`, too. 16: never.",
+            higher "Less is corrected.", lower "Low frequencies of the frame's noise come back.", source "empirical Bayes: Efron and Morris 1973; ours: docs/sequence.md";
     }
     /// Each picture averaged with its neighbours in time, and with the pixels around that show the same.
     stabilise: Stabilise {

@@ -156,6 +156,8 @@ fn bytes_per_pixel(pass: &str, s: &SequenceSettings) -> Option<usize> {
         "wavelet" => levels * (guides_of_all + planes * 3 * FOUR),
         "residual_cells" => planes * (3 * (8 + FOUR) + cells(of_lights, 3)) + 2 * 2 * FOUR + cells(of_picture, 3),
         "residual_changes" => planes * cells(of_lights, 4) + cells(of_picture, 4),
+        "residual_certainty" => cells(&[4], 5),
+        "residual_around" => cells(&[4], 3),
         "residual_apply" => planes * (3 * (8 + 2 * FOUR) + cells(of_lights, 1)) + 2 * 3 * FOUR + cells(of_picture, 1),
         "signature" => FOUR + seen + 32,
         "follow" => followed * (surface + motion + 2 * FOUR) + 2 * FOUR,

@@ -10,12 +10,13 @@ use crate::gpu::small::filled;
 use crate::gpu::timing::Timings;
 use crate::gpu::uniform::{Uniform, Value, uniforms};
 use crate::plane::Size;
-use crate::stages::residual::{Trust, cells, squares, triangle};
+use crate::stages::residual::{MOST_SURE, Trust, cells, squares, triangle};
 use glam::{IVec2, UVec2};
 use std::sync::{Arc, Mutex};
 
 const SETTINGS: Binding = settings("ResidualSettings");
 const RESIDUAL: &str = include_str!("../../stages/residual/shader.wgsl");
+const SMOOTHED: &str = include_str!("../passes/residual_smoothed.wgsl");
 const CORRECT: &str = include_str!("../passes/residual_correct.wgsl");
 
 const fn many(name: &'static str) -> Binding {
@@ -53,7 +54,30 @@ impl Pass {
             many("coarse"),
             many_written("changes"),
         ],
-        &[RESIDUAL, include_str!("../passes/residual_changes.wgsl")],
+        &[RESIDUAL, SMOOTHED, include_str!("../passes/residual_changes.wgsl")],
+    );
+
+    /// The same, of the coarsest level of a picture: residuals and their certainty.
+    pub const RESIDUAL_CERTAINTY: Self = pass(
+        "residual_certainty",
+        "find_certainty",
+        &[
+            SETTINGS,
+            many("cell_light"),
+            many("cell_residual"),
+            many("cell_squared"),
+            many("changes"),
+            many_written("certainty"),
+        ],
+        &[RESIDUAL, SMOOTHED, include_str!("../passes/residual_certainty.wgsl")],
+    );
+
+    /// The same: what the windows around say of a cell.
+    pub const RESIDUAL_AROUND: Self = pass(
+        "residual_around",
+        "look_around",
+        &[SETTINGS, many("certainty"), many_written("changes")],
+        &[RESIDUAL, include_str!("../passes/residual_around.wgsl")],
     );
 
     /// The same: a light or a picture corrected.
@@ -91,8 +115,14 @@ impl Pass {
     );
 
     /// All of stage `residual`, in order.
-    pub const RESIDUAL: [Self; 4] =
-        [Self::RESIDUAL_CELLS, Self::RESIDUAL_CHANGES, Self::RESIDUAL_APPLY_JOINT, Self::RESIDUAL_APPLY];
+    pub const RESIDUAL: [Self; 6] = [
+        Self::RESIDUAL_CELLS,
+        Self::RESIDUAL_CHANGES,
+        Self::RESIDUAL_CERTAINTY,
+        Self::RESIDUAL_AROUND,
+        Self::RESIDUAL_APPLY_JOINT,
+        Self::RESIDUAL_APPLY,
+    ];
 }
 
 uniforms! {
@@ -113,6 +143,8 @@ uniforms! {
         /// Sum of the squares of the triangle's weights.
         squares: f32,
         sure: f32,
+        /// Mean certainty above which the windows around say that light changes.
+        around: f32,
         /// Squared.
         noise: f32,
         least_change: f32,
@@ -138,6 +170,8 @@ pub(super) fn most_cells(size: Size) -> u64 {
 pub(super) struct ResidualKernels {
     cells: Kernel,
     changes: Kernel,
+    certainty: Kernel,
+    around: Kernel,
     apply: Kernel,
     apply_joint: Kernel,
 }
@@ -161,6 +195,8 @@ impl ResidualKernels {
         Self {
             cells: kernel(device, Pass::RESIDUAL_CELLS, None),
             changes: kernel(device, Pass::RESIDUAL_CHANGES, None),
+            certainty: kernel(device, Pass::RESIDUAL_CERTAINTY, None),
+            around: kernel(device, Pass::RESIDUAL_AROUND, None),
             apply: kernel(device, Pass::RESIDUAL_APPLY, None),
             apply_joint: kernel(device, Pass::RESIDUAL_APPLY_JOINT, None),
         }
@@ -170,6 +206,8 @@ impl ResidualKernels {
         Self {
             cells: self.cells.timed(timings),
             changes: self.changes.timed(timings),
+            certainty: self.certainty.timed(timings),
+            around: self.around.timed(timings),
             apply: self.apply.timed(timings),
             apply_joint: self.apply_joint.timed(timings),
         }
@@ -177,7 +215,8 @@ impl ResidualKernels {
 
     /// With one of them from changed WGSL; whether it is one of them.
     pub(super) fn with_source(&mut self, device: &wgpu::Device, pass: Pass, source: &str) -> bool {
-        let all = [&mut self.cells, &mut self.changes, &mut self.apply, &mut self.apply_joint];
+        let judges = [&mut self.changes, &mut self.certainty, &mut self.around];
+        let all = judges.into_iter().chain([&mut self.cells, &mut self.apply, &mut self.apply_joint]);
         let place = all.into_iter().find(|kernel| kernel.pass().name == pass.name);
         place.map(|place| *place = kernel(device, pass, Some(source))).is_some()
     }
@@ -207,6 +246,12 @@ impl ResidualKernels {
             self.cells.encode(device, encoder, None, &bound, grid)?;
             let bound = [settings, light, residual, squared, other, changes];
             self.changes.encode(device, encoder, None, &bound, grid)?;
+            if level == 0 && trust.around.is_some() {
+                // What no other level has written yet holds it meanwhile.
+                let bound = [settings, light, residual, squared, changes, fine];
+                self.certainty.encode(device, encoder, None, &bound, grid)?;
+                self.around.encode(device, encoder, None, &[settings, fine, changes], grid)?;
+            }
             for plane in joint {
                 let bound = [settings, own, changes, main, Bindable::Buffer(plane)];
                 self.apply_joint.encode(device, encoder, None, &bound, size)?;
@@ -238,6 +283,7 @@ impl Corrected<'_> {
             coarse_cells: cells(0, size.width, coarsest.0) as i32,
             squares: squares(&triangle(radius)),
             sure: trust.sure,
+            around: trust.around.unwrap_or(MOST_SURE),
             noise: trust.noise,
             least_change: trust.change[0],
             most_change: trust.change[1],

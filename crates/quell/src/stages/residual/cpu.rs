@@ -1,6 +1,8 @@
 //! The residual's means over cells, row by row on all threads: the fast twin of [`super::reference`].
 
-use super::{LEAST, LEVELS, PICTURE_LEVELS, Trust, between, cells, holding, squares, triangle};
+use super::{
+    LEAST, LEAST_VARIANCE, LEVELS, MOST_SURE, PICTURE_LEVELS, Trust, between, cells, holding, shown, squares, triangle,
+};
 use crate::frame::Rgb;
 use crate::par;
 use crate::plane::{Plane, Size};
@@ -64,11 +66,14 @@ fn correct(
     trust: Trust,
 ) {
     let mut noise = None;
-    for &(cell, radius) in levels {
+    for (index, &(cell, radius)) in levels.iter().enumerate() {
         let level = Level { first, cell, kernel: triangle(radius), trust, planes };
         let sums = level.sums(own, colours);
         let noise = noise.get_or_insert_with(|| level.noise_around(&sums));
-        level.apply(own, colours, &level.changes(&sums, noise));
+        let smooth = level.smoothed(&sums);
+        let around = trust.around.filter(|_| index == 0);
+        let kept = around.map(|around| level.kept_around(&smooth, noise, around));
+        level.apply(own, colours, &level.changes(&smooth, noise, kept.as_ref()));
     }
 }
 
@@ -136,20 +141,49 @@ impl Level<'_> {
                 widest!(self.noise_row(sums, (v, light), out));
             }
         });
-        let mut noise = self.smoothed(&own);
+        self.mean_around(&own)
+    }
+
+    /// Mean over the triangle of every channel, of the cells that there are.
+    fn mean_around(&self, values: &Rows) -> Rows {
+        let (size, channels) = (values.size(), values.channels());
+        let mut mean = self.smoothed(values);
         // Of the triangle the part that lies within the image.
         let part = |at: usize, limit: usize| -> f32 {
             let reach = self.kernel.len() - 1;
             (at.saturating_sub(reach)..(at + reach + 1).min(limit)).map(|u| self.kernel[u.abs_diff(at)]).sum()
         };
         let columns: Vec<_> = (0..size.width).map(|x| part(x, size.width)).collect();
-        par::rows(noise.data_mut(), lights * size.width, |v, row| {
+        par::rows(mean.data_mut(), channels * size.width, |v, row| {
             let rows = part(v, size.height);
             for row in row.chunks_exact_mut(size.width) {
-                row.iter_mut().zip(&columns).for_each(|(noise, columns)| *noise /= rows * columns);
+                row.iter_mut().zip(&columns).for_each(|(mean, columns)| *mean /= rows * columns);
             }
         });
-        noise
+        mean
+    }
+
+    /// How much of its residual each cell keeps by the windows around. `noise`: of this level's cells.
+    fn kept_around(&self, smooth: &Rows, noise: &Rows, around: f32) -> Rows {
+        let (size, lights) = (smooth.size(), self.planes.len());
+        let own = Rows::written(size, 2 * lights, |v, out| {
+            for (light, out) in out.chunks_exact_mut(2 * size.width).enumerate() {
+                widest!(self.certainty_row(smooth, (v, light), noise.row(v, light), out));
+            }
+        });
+        let mean = self.mean_around(&own);
+        Rows::written(size, lights, |v, out| {
+            for (light, out) in out.chunks_exact_mut(size.width).enumerate() {
+                let (certainty, inverse) = (mean.row(v, 2 * light), mean.row(v, 2 * light + 1));
+                let own = own.row(v, 2 * light + 1);
+                for (x, out) in out.iter_mut().enumerate() {
+                    // The squared residual to expect beyond the noise, over the cell's own variance.
+                    let beyond = certainty[x] - around;
+                    let expected = if beyond > 0.0 { beyond / inverse[x] * own[x] } else { 0.0 };
+                    *out = expected / (expected + 1.0);
+                }
+            }
+        })
     }
 
     /// Of each cell of a row the squared relative noise of a pixel of a light, summed over the channels.
@@ -165,13 +199,15 @@ impl Level<'_> {
         }
     }
 
-    /// What each cell is multiplied by, less 1: three channels of each light. `noise`: of the coarsest level's cells.
-    fn changes(&self, sums: &Rows, noise: &Rows) -> Rows {
-        let (smooth, size) = (self.smoothed(sums), sums.size());
+    /// What each cell is multiplied by, less 1: three channels of each light. `noise`: of the coarsest level's cells; `kept`:
+    /// what they keep by the windows around.
+    fn changes(&self, smooth: &Rows, noise: &Rows, kept: Option<&Rows>) -> Rows {
+        let size = smooth.size();
         Rows::written(size, 3 * self.planes.len(), |v, out| {
             for (light, out) in out.chunks_exact_mut(3 * size.width).enumerate() {
                 let around = noise.row(holding(self.first, v, self.cell), light);
-                widest!(self.changes_row(&smooth, (v, light), around, out));
+                let kept = kept.map(|kept| kept.row(v, light));
+                widest!(self.changes_row(smooth, (v, light), (around, kept), out));
             }
         })
     }
@@ -205,17 +241,53 @@ impl Level<'_> {
         }
     }
 
-    /// Shrunk ratios of a row of cells, of one light.
+    /// Of a row of cells of the coarsest level, of one light: squared residuals over their variances, and one over these variances.
     #[inline(always)]
-    fn changes_row(&self, smooth: &Rows, (v, light): (usize, usize), around: &[f32], out: &mut [f32]) {
+    fn certainty_row(&self, smooth: &Rows, (v, light): (usize, usize), around: &[f32], out: &mut [f32]) {
         let w = smooth.size().width;
-        let share_of_pixel = squares(&self.kernel) / (self.cell * self.cell) as f32;
+        let pixels = (self.cell * self.cell) as f32;
+        let (certainty, inverse) = out.split_at_mut(w);
+        let mut size = par::scratch(w);
+        let mut noise = par::scratch(w);
+        for c in (0..3).map(|c| SUMS * light + 3 * c) {
+            let [light, residual, squared] = [0, 1, 2].map(|k| smooth.row(v, c + k));
+            for x in 0..w {
+                let light = light[x] + LEAST;
+                let ratio = residual[x] / light;
+                size[x] += ratio * ratio;
+                noise[x] += pixels * squared[x] / (light * light * shown(ratio));
+            }
+        }
+        for x in 0..w {
+            let variance = self.share_of_pixel() * noise[x].max(around[x]) + LEAST_VARIANCE;
+            let known = size[x].is_finite() && variance.is_finite();
+            certainty[x] = if known { (size[x] / variance).min(MOST_SURE) } else { 0.0 };
+            inverse[x] = if known { 1.0 / variance } else { 0.0 };
+        }
+    }
+
+    /// Variance of a mean over the triangle, of pixels with a variance of 1.
+    #[inline(always)]
+    fn share_of_pixel(&self) -> f32 {
+        squares(&self.kernel) / (self.cell * self.cell) as f32
+    }
+
+    /// Shrunk ratios of a row of cells, of one light. `kept_around`: at least so much of them is kept.
+    #[inline(always)]
+    fn changes_row(
+        &self,
+        smooth: &Rows,
+        (v, light): (usize, usize),
+        (around, kept_around): (&[f32], Option<&[f32]>),
+        out: &mut [f32],
+    ) {
+        let w = smooth.size().width;
+        let share_of_pixel = self.share_of_pixel();
         let mut noise = par::scratch(w);
         self.noise_row(smooth, (v, light), &mut noise);
-        let first = SUMS * light;
-        let [red, green, blue] = [0, 3, 6].map(|c| (smooth.row(v, first + c), smooth.row(v, first + c + 1)));
+        let channels = channels(smooth, (v, light));
         for x in 0..w {
-            let ratio = [red, green, blue].map(|(light, residual)| residual[x] / (light[x] + LEAST));
+            let ratio = channels.map(|(light, residual)| residual[x] / (light[x] + LEAST));
             let squared = noise[x].max(around[holding(0, x, self.cell)]);
             let size: f32 = ratio.iter().map(|r| r * r).sum();
             let doubt = self.trust.sure * share_of_pixel * squared;
@@ -223,7 +295,10 @@ impl Level<'_> {
             let kept = if doubt < size { 1.0 - doubt / size } else { 0.0 };
             let most = squared + 3.0 * (self.trust.noise + LEAST);
             let share = if squared.is_finite() { squared / most } else { 0.0 };
-            let kept = kept * share;
+            let mut kept = kept * share;
+            if let Some(around) = kept_around {
+                kept = kept.max(around[x]);
+            }
             for (c, ratio) in ratio.into_iter().enumerate() {
                 out[c * w + x] = (ratio * kept).max(self.trust.change[0]).min(self.trust.change[1]);
             }
@@ -283,6 +358,12 @@ impl Level<'_> {
             }
         }
     }
+}
+
+/// Of each channel of a light a row of its smoothed sums: of the filtered light and of the residual.
+#[inline(always)]
+fn channels(smooth: &Rows, (v, light): (usize, usize)) -> [(&[f32], &[f32]); 3] {
+    [0, 3, 6].map(|c| (smooth.row(v, SUMS * light + c), smooth.row(v, SUMS * light + c + 1)))
 }
 
 /// Adds to each cell's sum those of its `N` pixels; the last cell may have fewer.

@@ -5,9 +5,9 @@
 //! |---|---|
 //! | reads | light as it came (I) and filtered (O); input (I) and stabilised picture (O) |
 //! | writes | the filtered light, corrected; the stabilised picture, corrected |
-//! | reach | light 56 pixels: of three levels a triangle of 6, 6 and 2 cells of 4, 2 and 2 pixels, a cell and the interpolation between cells; picture 40, without the second level |
+//! | reach | light 56 pixels: of three levels a triangle of 6, 6 and 2 cells of 4, 2 and 2 pixels, a cell and the interpolation between cells; picture 64, without the second level, but with the triangle once more in the first |
 //! | equation | O' = O (1 + R s), R = sum k (I - O) / sum k O; k: triangle over cells, then bilinear between cells |
-//! | s | n / (n + `residual.noise`^2) max(0, 1 - `residual.sure` V / \|R\|^2); n = N / 3 and V = N sum k^2 with N = sum_c sum k (I - O)^2 / (sum k O)^2, k of sum 1, but at least the mean by k of the cells' own (I - O)^2 / O^2 in the coarsest level: shrinkage by James and Stein (1961), one for the three channels. Of the picture: `residual.picture_sure`, noise 0 |
+//! | s | n / (n + `residual.noise`^2) max(0, 1 - `residual.sure` V / \|R\|^2); n = N / 3 and V = N sum k^2 with N = sum_c sum k (I - O)^2 / (sum k O)^2, k of sum 1, but at least the mean by k of the cells' own (I - O)^2 / O^2 in the coarsest level: shrinkage by James and Stein (1961), one for the three channels. Of the picture: `residual.picture_sure`, noise 0, and in the coarsest level s is at least T / (T + V'), V' as V, but with the terms of N over 1 + R_c; T = max(0, m(min(16, \|R\|^2 / V')) - `residual.picture_around`) / m(1 / V'), m: mean by k over the windows around (empirical Bayes: Efron and Morris 1973) |
 //! | source | the residual of the frame's own samples: ours, `docs/sequence.md` |
 //! | parameters | `residual.*` |
 //!
@@ -22,7 +22,8 @@
 //! light's joint planes are scaled with it. A pixel that came out as it went in stays.
 //!
 //! `stabilise` averages pictures of neighbouring frames, corrected each to its own time, so what it makes is corrected
-//! once more.
+//! once more. What one window alone does not show for certain, many windows side by side do: where light changes, the mean of their
+//! squared residuals over their variances is above 1, and says how much residual to expect in each.
 
 #[cfg(feature = "cpu")]
 pub(crate) mod cpu;
@@ -38,12 +39,21 @@ pub(crate) const LEVELS: [(usize, usize); 3] = [(4, 3), (2, 3), (2, 1)];
 pub(crate) const PICTURE_LEVELS: [(usize, usize); 2] = [LEVELS[0], LEVELS[2]];
 /// Keeps quotients finite where light is black.
 pub(crate) const LEAST: f32 = 1e-12;
+/// The least variance of a residual, and the most that its square counts for among the windows around, in variances: a single one
+/// decides nothing.
+pub(crate) const LEAST_VARIANCE: f32 = 1e-9;
+pub(crate) const MOST_SURE: f32 = 16.0;
+/// Least of [`shown`].
+pub(crate) const LEAST_SHOWN: f32 = 0.25;
 
 /// How far a residual is trusted.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Trust {
     /// Its squared size below which nothing is corrected, in variances.
     pub sure: f32,
+    /// In the coarsest level, the mean over the windows around above which light is taken to change there; `None`: each window decides
+    /// alone.
+    pub around: Option<f32>,
     /// Squared deviation of the samples, as a share of the light, at which half is corrected.
     pub noise: f32,
     /// What a level changes light by at the least and at the most, as a share of it.
@@ -53,19 +63,31 @@ pub(crate) struct Trust {
 impl Trust {
     /// Of the filtered light.
     pub fn of_lights(s: &Residual) -> Self {
-        Self { sure: s.sure, noise: s.noise * s.noise, change: [1.0 / s.most - 1.0, s.most - 1.0] }
+        Self { sure: s.sure, around: None, noise: s.noise * s.noise, change: [1.0 / s.most - 1.0, s.most - 1.0] }
     }
 
     /// Of the stabilised picture.
     pub fn of_picture(s: &Residual) -> Self {
-        Self { sure: s.picture_sure, noise: 0.0, ..Self::of_lights(s) }
+        let around = (s.picture_around < MOST_SURE).then_some(s.picture_around);
+        Self { sure: s.picture_sure, around, noise: 0.0, ..Self::of_lights(s) }
     }
 }
 
-/// How far the stage looks with such levels.
-pub(crate) fn reach(levels: &[(usize, usize)]) -> Reach {
-    // Of a level: the triangle, the cell that a pixel lies in, and the cell beside it, between which values are interpolated.
-    Reach::around(levels.iter().map(|(cell, radius)| cell * (2 * radius + 2)).sum())
+/// How far the stage looks, of light.
+pub(crate) fn reach() -> Reach {
+    Reach::around(pixels(&LEVELS))
+}
+
+/// How far it looks in the stabilised picture.
+pub(crate) fn picture_reach() -> Reach {
+    // In the coarsest level the windows around as well.
+    let (cell, radius) = PICTURE_LEVELS[0];
+    Reach::around(pixels(&PICTURE_LEVELS) + cell * 2 * radius)
+}
+
+/// Of each level the triangle, the cell that a pixel lies in, and the cell beside it, between which values are interpolated.
+fn pixels(levels: &[(usize, usize)]) -> usize {
+    levels.iter().map(|(cell, radius)| cell * (2 * radius + 2)).sum()
 }
 
 /// The triangle's weights, from its middle outwards; over the whole they add up to 1.
@@ -78,6 +100,13 @@ pub(crate) fn triangle(radius: usize) -> Vec<f32> {
 pub(crate) fn squares(triangle: &[f32]) -> f32 {
     let one: f32 = triangle[0] * triangle[0] + 2.0 * triangle[1..].iter().map(|k| k * k).sum::<f32>();
     one * one
+}
+
+/// The light that a window's samples show, over the filtered light. Where bright samples are rare, noise grows with it: over it, a
+/// window that by chance has few of them is as uncertain as one with many, and energy is kept.
+#[inline(always)]
+pub(crate) fn shown(ratio: f32) -> f32 {
+    (1.0 + ratio).clamp(LEAST_SHOWN, 1.0 / LEAST_SHOWN)
 }
 
 /// Cells that hold `extent` pixels from `first` on.

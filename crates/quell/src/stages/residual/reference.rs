@@ -1,6 +1,8 @@
 //! The specification of `residual`.
 
-use super::{LEAST, LEVELS, PICTURE_LEVELS, Trust, between, cells, holding, squares, triangle};
+use super::{
+    LEAST, LEAST_VARIANCE, LEVELS, MOST_SURE, PICTURE_LEVELS, Trust, between, cells, holding, shown, squares, triangle,
+};
 use crate::frame::Rgb;
 use crate::plane::{Plane, Size};
 use crate::sequence::settings::Residual;
@@ -98,21 +100,59 @@ fn level(
             (smooth, around / whole)
         })
         .collect();
+    let is_coarsest = noise.is_none();
     let noise = noise.unwrap_or_else(|| Noise { across, squared: smooth.iter().map(|(_, around)| *around).collect() });
+    // Of each cell the relative residual, its squared length, the squared noise of a pixel, and its least.
+    let found: Vec<([f64; 3], f64, f64, f64)> = (0..across * down)
+        .map(|place| {
+            let sums = &smooth[place].0;
+            let ratio = sums.map(|[light, residual, _]| residual / (light + least));
+            let (x, y) = (holding(0, place % across, cell), holding(first, place / across, cell));
+            let around = noise.squared[y * noise.across + x];
+            (ratio, ratio.iter().map(|r| r * r).sum(), relative(sums).max(around), around)
+        })
+        .collect();
+    // Variance of a residual, for the windows around.
+    let variance = |place: usize| -> f64 {
+        let (sums, (ratio, _, _, around)) = (&smooth[place].0, found[place]);
+        let noise: f64 = sums
+            .iter()
+            .zip(ratio)
+            .map(|([light, _, squared], r)| pixels * squared / ((light + least).powi(2) * f64::from(shown(r as f32))))
+            .sum();
+        f64::from(squares(&kernel)) * noise.max(around) / pixels + f64::from(LEAST_VARIANCE)
+    };
+    // How much of its residual a cell keeps by the windows around.
+    let kept_around = |place: usize| -> f64 {
+        let Some(limit) = trust.around.filter(|_| is_coarsest) else { return 0.0 };
+        let (x, y) = (place % across, place / across);
+        let known = |place: usize| found[place].1.is_finite() && variance(place).is_finite();
+        let (mut certainty, mut inverse, mut whole) = (0.0, 0.0, 0.0);
+        for (u, v) in near(y, down).flat_map(|v| near(x, across).map(move |u| (u, v))) {
+            let k = f64::from(kernel[u.abs_diff(x)]) * f64::from(kernel[v.abs_diff(y)]);
+            let there = v * across + u;
+            whole += k;
+            if known(there) {
+                certainty += k * (found[there].1 / variance(there)).min(f64::from(MOST_SURE));
+                inverse += k / variance(there);
+            }
+        }
+        let beyond = certainty - f64::from(limit) * whole;
+        // The squared residual to expect beyond the noise, over the cell's own variance.
+        let expected = if beyond > 0.0 && known(place) { beyond / inverse / variance(place) } else { 0.0 };
+        expected / (expected + 1.0)
+    };
     // What a cell is multiplied by, less 1.
     let [least_change, most_change] = trust.change;
     let changes: Vec<[f64; 3]> = (0..across * down)
         .map(|place| {
-            let sums = &smooth[place].0;
-            let ratio = sums.map(|[light, residual, _]| residual / (light + least));
-            let around = (holding(0, place % across, cell), holding(first, place / across, cell));
-            let squared = relative(sums).max(noise.squared[around.1 * noise.across + around.0]);
-            let size: f64 = ratio.iter().map(|r| r * r).sum();
+            let (ratio, size, squared, _) = found[place];
             let doubt = f64::from(trust.sure) * f64::from(squares(&kernel)) * squared / pixels;
             // NaN, of infinities, is no agreement.
             let kept = if doubt < size { 1.0 - doubt / size } else { 0.0 };
             let share = squared / (squared + 3.0 * (f64::from(trust.noise) + least));
             let kept = if squared.is_finite() { kept * share } else { 0.0 };
+            let kept = kept.max(kept_around(place));
             ratio.map(|r| (r * kept).max(f64::from(least_change)).min(f64::from(most_change)))
         })
         .collect();

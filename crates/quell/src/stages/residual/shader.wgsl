@@ -38,9 +38,28 @@ fn finite(v: f32) -> bool {
     return abs(v) <= 3.4e38;
 }
 
-// What a cell is multiplied by, less 1, of its smoothed sums; `around`: the least noise.
+// The relative residual of smoothed sums.
+fn residual_of(smoothed: Sums) -> vec3f {
+    return smoothed.residual / (smoothed.light + RESIDUAL_LEAST);
+}
+
+// Its variance, for the windows around; `least`: the least noise of a pixel.
+fn variance_of(smoothed: Sums, ratio: vec3f, least: f32) -> f32 {
+    let light = smoothed.light + RESIDUAL_LEAST;
+    let shown = clamp(1.0 + ratio, vec3f(RESIDUAL_LEAST_SHOWN), vec3f(1.0 / RESIDUAL_LEAST_SHOWN));
+    let of_pixels = smoothed.squared / (light * light * shown);
+    let noise = max(f32(settings.side * settings.side) * (of_pixels.x + of_pixels.y + of_pixels.z), least);
+    return settings.squares * noise / f32(settings.side * settings.side) + RESIDUAL_LEAST_VARIANCE;
+}
+
+// What a cell is multiplied by, less 1, within its limits.
+fn limited(change: vec3f) -> vec3f {
+    return clamp(change, vec3f(settings.least_change), vec3f(settings.most_change));
+}
+
+// What a cell is multiplied by, less 1, by its own smoothed sums; `around`: the least noise.
 fn change_of(smoothed: Sums, around: f32) -> vec3f {
-    let ratio = smoothed.residual / (smoothed.light + RESIDUAL_LEAST);
+    let ratio = residual_of(smoothed);
     let noise = max(relative_noise(smoothed), around);
     let size = dot(ratio, ratio);
     let doubt = settings.sure * settings.squares * noise / f32(settings.side * settings.side);
@@ -48,5 +67,5 @@ fn change_of(smoothed: Sums, around: f32) -> vec3f {
         return vec3f(0.0);
     }
     let share = noise / (noise + 3.0 * (settings.noise + RESIDUAL_LEAST));
-    return clamp(ratio * ((1.0 - doubt / size) * share), vec3f(settings.least_change), vec3f(settings.most_change));
+    return limited(ratio * ((1.0 - doubt / size) * share));
 }
