@@ -135,6 +135,7 @@ pub(crate) fn between(first: usize, at: usize, cell: usize, cells: usize) -> (us
 #[cfg(all(test, feature = "cpu"))]
 mod tests {
     use super::*;
+    use crate::frame::Rgb;
     use crate::plane::{Plane, Size};
     use crate::sequence::{Light, LightKind, SequenceFrame, SequenceSettings};
     use crate::window::{PreparedFrame, Rows};
@@ -227,5 +228,23 @@ mod tests {
         let after = cpu::picture(0, &input, Plane::filled(size, [1.3; 3]), &SequenceSettings::default().residual);
         let mean = after.data().iter().map(|c| c[1]).sum::<f32>() / size.pixels() as f32;
         assert!((mean - 1.04).abs() < 0.01, "{mean}");
+    }
+
+    /// A picture a twentieth too bright, which no window can tell from the noise of its samples, all of them can.
+    #[test]
+    fn windows_side_by_side_see_what_one_does_not() {
+        let size = Size::new(192, 128);
+        let mut state = 5u32;
+        let input = Plane::from_fn(size, |_, _| {
+            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            [if state >> 31 == 0 { 0.0 } else { 2.0 }; 3]
+        });
+        let mean = |plane: &Plane<Rgb>| plane.data().iter().map(|c| c[1]).sum::<f32>() / size.pixels() as f32;
+        let left = |picture_around: f32| {
+            let s = Residual { picture_around, ..SequenceSettings::default().residual };
+            mean(&cpu::picture(0, &input, Plane::filled(size, [1.05; 3]), &s)) - mean(&input)
+        };
+        let (around, alone) = (left(SequenceSettings::default().residual.picture_around), left(MOST_SURE));
+        assert!(around.abs() < 0.02 && alone > 0.025, "{around} {alone}");
     }
 }
