@@ -411,9 +411,9 @@ fn memory_is_estimated_and_a_limit_that_cannot_be_kept_says_what_it_takes() {
     assert_eq!((memory.bands, memory.limit), (1, Some((4 << 30, true))));
     assert_eq!(memory.bytes, memory.whole);
     assert!(job.describe().contains("the whole picture at once; the limit is 4.0 GiB"), "{}", job.describe());
-    // Most of what so small a job takes does not depend on it, and of the rest bands save 24.67 % at most: they have rows around them, and
+    // Most of what so small a job takes does not depend on it, and of the rest bands save 27.34 % at most: they have rows around them, and
     // some rows of what `blend` holds.
-    let tight = memory.whole - (memory.whole - (96 << 20)) / 5;
+    let tight = memory.whole - (memory.whole - (96 << 20)) / 4;
     let job = Job::open(JobOptions { max_memory: Some(tight), ..case.options("out", None) }).unwrap();
     let memory = job.memory().unwrap();
     assert!(memory.bands > 1 && memory.bytes <= tight, "{memory:?}");

@@ -57,7 +57,7 @@ impl Pass {
         &[RESIDUAL, SMOOTHED, include_str!("../passes/residual_changes.wgsl")],
     );
 
-    /// The same, of the coarsest level of a picture: residuals and their certainty.
+    /// The same, of the coarsest level of a picture: of each cell its relative residual, and one over the variance of that.
     pub const RESIDUAL_CERTAINTY: Self = pass(
         "residual_certainty",
         "find_certainty",
@@ -72,7 +72,7 @@ impl Pass {
         &[RESIDUAL, SMOOTHED, include_str!("../passes/residual_certainty.wgsl")],
     );
 
-    /// The same: what the windows around say of a cell.
+    /// The same: what a cell is multiplied by, where the windows around show that light changes.
     pub const RESIDUAL_AROUND: Self = pass(
         "residual_around",
         "look_around",

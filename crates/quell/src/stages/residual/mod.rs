@@ -5,7 +5,7 @@
 //! |---|---|
 //! | reads | light as it came (I) and filtered (O); input (I) and stabilised picture (O) |
 //! | writes | the filtered light, corrected; the stabilised picture, corrected |
-//! | reach | light 56 pixels: of three levels a triangle of 6, 6 and 2 cells of 4, 2 and 2 pixels, a cell and the interpolation between cells; picture 64, without the second level, but with the triangle once more in the first |
+//! | reach | light 52 pixels: of three levels a triangle of 6, 6 and 2 cells of 4, 2 and 2 pixels, and one and a half cells between which values are interpolated; picture 61, without the second level, but with the triangle once more in the first |
 //! | equation | O' = O (1 + R s), R = sum k (I - O) / sum k O; k: triangle over cells, then bilinear between cells |
 //! | s | n / (n + `residual.noise`^2) max(0, 1 - `residual.sure` V / \|R\|^2); n = N / 3 and V = N sum k^2 with N = sum_c sum k (I - O)^2 / (sum k O)^2, k of sum 1, but at least the mean by k of the cells' own (I - O)^2 / O^2 in the coarsest level: shrinkage by James and Stein (1961), one for the three channels. Of the picture: `residual.picture_sure`, noise 0, and in the coarsest level s is at least T / (T + V'), V' as V, but with the terms of N over 1 + R_c; T = max(0, m(min(16, \|R\|^2 / V')) - `residual.picture_around`) / m(1 / V'), m: mean by k over the windows around (empirical Bayes: Efron and Morris 1973) |
 //! | source | the residual of the frame's own samples: ours, `docs/sequence.md` |
@@ -85,9 +85,10 @@ pub(crate) fn picture_reach() -> Reach {
     Reach::around(pixels(&PICTURE_LEVELS) + cell * 2 * radius)
 }
 
-/// Of each level the triangle, the cell that a pixel lies in, and the cell beside it, between which values are interpolated.
+/// Of each level the triangle, and what lies at most between a pixel and the far end of the cells between which it is interpolated: half
+/// a cell and the one beside it.
 fn pixels(levels: &[(usize, usize)]) -> usize {
-    levels.iter().map(|(cell, radius)| cell * (2 * radius + 2)).sum()
+    levels.iter().map(|(cell, radius)| cell * 2 * radius + cell * 3 / 2).sum()
 }
 
 /// The triangle's weights, from its middle outwards; over the whole they add up to 1.
@@ -228,6 +229,32 @@ mod tests {
         let after = cpu::picture(0, &input, Plane::filled(size, [1.3; 3]), &SequenceSettings::default().residual);
         let mean = after.data().iter().map(|c| c[1]).sum::<f32>() / size.pixels() as f32;
         assert!((mean - 1.04).abs() < 0.01, "{mean}");
+    }
+
+    /// Bands of rows, wherever they begin, have the bits of the whole picture in the rows that lie so far within them.
+    #[test]
+    fn reach_is_what_decides() {
+        let s = SequenceSettings::default().residual;
+        let (width, height, reach) = (40, 180, picture_reach().pixels[1]);
+        let mut state = 11u32;
+        let input = Plane::from_fn(Size::new(width, height), |_, _| {
+            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            [if state >> 31 == 0 { 0.0 } else { 2.0 }; 3]
+        });
+        let corrected = |rows: std::ops::Range<usize>| {
+            let band = Plane::from_fn(Size::new(width, rows.len()), |x, y| input.at(x, rows.start + y));
+            // So little too bright that the windows around decide.
+            cpu::picture(rows.start, &band, Plane::filled(band.size(), [1.07; 3]), &s)
+        };
+        let whole = corrected(0..height);
+        let same = |core: usize, reach: usize| {
+            let band = corrected(core - reach..core + 1 + reach);
+            band.row(reach) == whole.row(core)
+        };
+        for core in 80..88 {
+            assert!(same(core, reach), "row {core}");
+        }
+        assert!(!same(80, reach - 16));
     }
 
     /// A picture a twentieth too bright, which no window can tell from the noise of its samples, all of them can.
