@@ -51,7 +51,7 @@ pub(crate) fn band(least: usize, each: usize) -> usize {
     least.max((each * threads()).min(2 * least))
 }
 
-/// Numbers that a call needs for itself, 0 at first, from [`scratch`].
+/// Numbers that a call needs for itself, from [`scratch`] or [`unset_scratch`].
 pub(crate) struct Scratch(Vec<f32>);
 
 thread_local! {
@@ -61,10 +61,19 @@ thread_local! {
 /// So many zeros for a row's work, in memory that this thread used before: the command keeps one heap for all threads, whose lock every row
 /// of a picture would take several times.
 pub(crate) fn scratch(count: usize) -> Scratch {
+    let mut numbers = unset_scratch(count);
+    numbers.fill(0.0);
+    numbers
+}
+
+/// The same for numbers that mean nothing yet: all of them are to be written.
+pub(crate) fn unset_scratch(count: usize) -> Scratch {
     let kept = KEPT.try_with(|kept| kept.try_borrow_mut().ok()?.pop()).ok().flatten();
     let mut numbers = kept.unwrap_or_default();
-    numbers.clear();
     numbers.resize(count, 0.0);
+    if cfg!(debug_assertions) {
+        numbers.fill(f32::NAN);
+    }
     Scratch(numbers)
 }
 
@@ -110,14 +119,19 @@ pub(crate) fn zeros<T: Copy + Default + Send + Sync>(count: usize) -> Vec<T> {
 #[cfg(feature = "threads")]
 const PAGE: usize = 1024;
 
-/// Buffers of images that are gone, for the next ones, the one that waits longest first.
+/// Buffers of images that are gone, for the next ones, the one that waits longest first. Of bands of rows a stage holds a dozen at once, of
+/// whole pictures few.
 struct Spares(Vec<Vec<f32>>);
 
 static SPARES: std::sync::Mutex<Spares> = std::sync::Mutex::new(Spares(Vec::new()));
 
 impl Spares {
-    /// Buffers that are kept at most. Few: what is kept is there for nobody else.
-    const MOST: usize = 3;
+    /// Buffers of pictures that are kept at most. Few: what is kept is there for nobody else.
+    const MOST_LARGE: usize = 3;
+    /// Those of bands.
+    const MOST_SMALL: usize = 24;
+    /// The least elements of a picture's: 64 MiB.
+    const LARGE: usize = if cfg!(test) { 1200 } else { 1 << 24 };
     /// The least elements of one. Few in tests, so that small pictures use them.
     const LEAST: usize = if cfg!(test) { 64 } else { 1 << 16 };
 
@@ -128,9 +142,17 @@ impl Spares {
         Some(self.0.remove(best))
     }
 
-    /// Keeps a buffer; the one that waits longest, where there are too many.
+    /// Keeps a buffer; the one of its kind that waits longest, where there are too many.
     fn keep(&mut self, numbers: Vec<f32>) -> Option<Vec<f32>> {
-        let longest = (self.0.len() >= Self::MOST).then(|| self.0.remove(0));
+        let large = |spare: &Vec<f32>| spare.capacity() >= Self::LARGE;
+        let of_a_picture = large(&numbers);
+        let most = if of_a_picture { Self::MOST_LARGE } else { Self::MOST_SMALL };
+        let alike = |spare: &&Vec<f32>| large(spare) == of_a_picture;
+        let longest = if self.0.iter().filter(alike).count() < most {
+            None
+        } else {
+            self.0.iter().position(|spare| alike(&spare)).map(|i| self.0.remove(i))
+        };
         self.0.push(numbers);
         longest
     }
@@ -279,13 +301,17 @@ mod tests {
     #[test]
     fn buffers_of_about_the_size_are_used_again() {
         let mut spares = Spares(Vec::new());
-        for size in [1000, 2000, 1400] {
+        for size in [1200, 2000, 1400, 100] {
             assert!(spares.keep(Vec::with_capacity(size)).is_none());
         }
-        assert_eq!(spares.take(1200).map(|v| v.capacity()), Some(1400));
+        assert_eq!(spares.take(1250).map(|v| v.capacity()), Some(1400));
         assert!(spares.take(500).is_none() && spares.take(4000).is_none());
-        assert!(spares.keep(Vec::with_capacity(100)).is_none());
-        assert_eq!(spares.keep(Vec::with_capacity(200)).map(|v| v.capacity()), Some(1000));
+        assert!(spares.keep(Vec::with_capacity(1500)).is_none());
+        assert_eq!(spares.keep(Vec::with_capacity(1600)).map(|v| v.capacity()), Some(1200));
+        for size in 101..100 + Spares::MOST_SMALL {
+            assert!(spares.keep(Vec::with_capacity(size)).is_none());
+        }
+        assert_eq!(spares.keep(Vec::with_capacity(200)).map(|v| v.capacity()), Some(100));
     }
 
     #[test]

@@ -18,7 +18,7 @@ pub(crate) static STAGES: SequenceStages = SequenceStages {
     likeness: stabilise::likeness::run,
     signature: stabilise::joint::signature,
     stabilise: passes::stabilise::run,
-    along: Some(blend::cpu::along),
+    along: Some(blend::over_time::along),
     blend: blend::cpu::run,
     rescale: recombine::cpu::rescale,
 };

@@ -189,7 +189,7 @@ impl Layer {
             let (around, first) = (self.side / 2, rows.start + STRIP * strip);
             let lines = out.len() / row_length + 2 * around;
             let mut fetched = Fetched {
-                values: par::scratch(self.inputs * lines * (TILE + 2 * around)),
+                values: par::unset_scratch(self.inputs * lines * (TILE + 2 * around)),
                 lines,
                 stride: TILE + 2 * around,
             };

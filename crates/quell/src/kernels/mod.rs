@@ -11,9 +11,12 @@
 //! | `net`, `conv` | small nets: of a pixel's statistics; convolutional | sequence |
 //! | `bilinear`, `math`, `halves` | footprints; functions with the same bits on every machine | both |
 //! | `lanes`, `lit_blocks` | sixteen pixels of a row on vectors; where they hold light at all | sequence |
+//! | `motion`, `bands` | motion of sixteen pixels; some rows of an image, and means over windows of it | sequence |
 //!
 //! `*_cpu.rs` are twins on vectors, `*.wgsl` on the GPU.
 
+#[cfg(feature = "cpu")]
+pub(crate) mod bands_cpu;
 pub(crate) mod bilinear;
 pub mod change;
 #[cfg(feature = "cpu")]
@@ -37,6 +40,8 @@ pub mod math;
 pub mod mirror_image;
 #[cfg(feature = "cpu")]
 pub(crate) mod mirror_image_cpu;
+#[cfg(feature = "cpu")]
+pub(crate) mod motion_cpu;
 pub(crate) mod net;
 pub mod reproject;
 #[cfg(feature = "cpu")]

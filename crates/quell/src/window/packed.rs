@@ -129,14 +129,18 @@ impl Packed {
     /// Channel `c` of colour `plane` of the pixels of a row.
     #[cfg(feature = "cpu")]
     pub(crate) fn channel(&self, plane: usize, c: usize, y: usize, out: &mut [f32]) {
+        /// Pixels that are converted at once.
+        const PIECE: usize = 64;
         let (w, length) = (out.len(), 3 * self.planes);
-        let pixels = self.data[length * w * y..][..length * w].chunks_exact(length);
         if self.beyond.is_empty() {
-            let mut halves = vec![f16::ZERO; w];
-            for (half, pixel) in halves.iter_mut().zip(pixels) {
-                *half = pixel[c * self.planes + plane];
+            let mut halves = [f16::ZERO; PIECE];
+            let pieces = self.data[length * w * y..][..length * w].chunks(PIECE * length);
+            for (out, pixels) in out.chunks_mut(PIECE).zip(pieces) {
+                for (half, pixel) in halves.iter_mut().zip(pixels.chunks_exact(length)) {
+                    *half = pixel[c * self.planes + plane];
+                }
+                halves[..out.len()].convert_to_f32_slice(out);
             }
-            halves.convert_to_f32_slice(out);
         } else {
             out.iter_mut().enumerate().for_each(|(x, out)| *out = self.at(plane, y * w + x)[c]);
         }

@@ -22,7 +22,7 @@ pub(crate) fn run(
         let colour = (0..3).map(move |c| gathered.colours.row(y, 3 * slots[l].first + c));
         colour.chain(std::iter::once(gathered.moments.row(y, 2 * l)))
     });
-    Rows::made(local.size, lights, |y, out| {
+    Rows::written(local.size, lights, |y, out| {
         dispatch!(crate::simd::level(), simd => row(simd, local, (gathered, &lit), given, (s, wavelet), y, out));
     })
 }

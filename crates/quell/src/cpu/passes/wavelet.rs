@@ -42,7 +42,7 @@ fn compared(
     (colours, variance, lit): (&Rows, &Rows, &LitBlocks),
     s: &Wavelet,
 ) -> Rows {
-    Rows::made(local.size, 2 * slots.len(), |y, out| {
+    Rows::written(local.size, 2 * slots.len(), |y, out| {
         dispatch!(crate::simd::level(), simd => compared_row(simd, local, slots, (colours, variance, lit), s, y, out));
     })
 }
@@ -66,7 +66,8 @@ fn filter(level: &Level<'_>, colours: &mut Rows, variance: &mut Rows) {
     let (cw, vw) = (colours.channels() * width, variance.channels() * width);
     // As many rows as a level looks up and down.
     let band = par::band(BAND, ROWS_OF_A_THREAD).max(level.step as usize);
-    let (mut done, mut next) = ([Vec::new(), Vec::new()], [vec![0.0; cw * band], vec![0.0; vw * band]]);
+    let buffers = || [par::recycled(cw * band), par::recycled(vw * band)];
+    let (mut done, mut next) = ([Vec::new(), Vec::new()], buffers());
     let put = |[c, v]: &[Vec<f32>; 2], first: usize, colours: &mut Rows, variance: &mut Rows| {
         let rows = first..(first + band).min(height);
         par::copy(&mut colours.data_mut()[rows.start * cw..rows.end * cw], &c[..rows.len() * cw]);
@@ -81,11 +82,12 @@ fn filter(level: &Level<'_>, colours: &mut Rows, variance: &mut Rows) {
         if first > 0 {
             put(&done, first - band, colours, variance);
         } else {
-            done = [vec![0.0; cw * band], vec![0.0; vw * band]];
+            done = buffers();
         }
         std::mem::swap(&mut done, &mut next);
     }
     if height > 0 {
         put(&done, (height - 1) / band * band, colours, variance);
     }
+    done.into_iter().chain(next).for_each(par::recycle);
 }

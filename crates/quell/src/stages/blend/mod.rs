@@ -32,7 +32,11 @@
 pub(crate) mod cpu;
 pub(crate) mod kernel;
 pub(crate) mod outlier;
+#[cfg(feature = "cpu")]
+pub(crate) mod over_time;
 pub mod reference;
+#[cfg(feature = "cpu")]
+pub(crate) mod statistics;
 
 use crate::frame::Rgb;
 use crate::kernels::conv::{self, ConvNet};

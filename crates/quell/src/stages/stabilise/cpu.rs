@@ -3,15 +3,16 @@
 use super::likeness::share;
 use super::{Likeness, StabiliseFrame, seen_difference};
 use crate::frame::Rgb;
+use crate::kernels::bands_cpu::Band;
 use crate::kernels::guide_distance::weight;
 use crate::kernels::lanes::{BLOCK, load};
+use crate::kernels::motion_cpu::{motion_of, nearest};
 use crate::par;
 use crate::plane::Plane;
 use crate::sequence::settings::{Gather, Stabilise};
 use crate::simd::dispatch;
-use crate::stages::blend::cpu::Band;
 use crate::window::Features;
-use fearless_simd::{Simd, f32x16, i32x16, prelude::*};
+use fearless_simd::{Simd, f32x16, i32x16, mask32x16, prelude::*};
 
 /// One picture and its neighbours in time.
 pub(crate) struct Neighbourhood<'a> {
@@ -171,6 +172,105 @@ impl<'a> Track<'a> {
     }
 }
 
+/// [`Track`] of sixteen pixels of a row, of those whose motion is their surface's.
+pub(super) struct Tracks<'a, S: Simd> {
+    settings: &'a Stabilise,
+    /// Row of the picture.
+    origin: f32,
+    /// Rows that the trajectories may lead up or down.
+    farthest: f32,
+    at: [f32x16<S>; 2],
+    /// Of each pixel its [`Front`].
+    pixels: [usize; BLOCK],
+    inverse_depths: f32x16<S>,
+    alive: mask32x16<S>,
+}
+
+impl<'a, S: Simd> Tracks<'a, S> {
+    /// Of the pixels from column `x` on that are `wanted` (1, else 0).
+    #[inline(always)]
+    pub(super) fn new(
+        simd: S,
+        (here, fronts): (&Features, &Fronts),
+        (x, y): (usize, usize),
+        wanted: &[f32; BLOCK],
+        gather: &Gather,
+        settings: &'a Stabilise,
+    ) -> Self {
+        let (mut columns, mut pixels, mut depths) = ([0.0; BLOCK], [0; BLOCK], [0.0; BLOCK]);
+        for i in (0..BLOCK).filter(|i| wanted[*i] > 0.0) {
+            let front = fronts.at(here, x + i, y);
+            (columns[i], pixels[i], depths[i]) = ((x + i) as f32, front.pixel, front.inverse_depth);
+        }
+        // A band counts rows as the whole picture does: sums of floats are the same.
+        let origin = (here.first_row + y) as f32;
+        Self {
+            settings,
+            origin,
+            farthest: gather.travel * here.picture_height as f32,
+            at: [columns.simd_into(simd), f32x16::splat(simd, origin)],
+            pixels,
+            inverse_depths: depths.simd_into(simd),
+            alive: f32x16::from_slice(simd, wanted).simd_gt(f32x16::splat(simd, 0.0)),
+        }
+    }
+
+    /// Goes one frame further, as [`step`] does. `None`: all are lost.
+    #[inline(always)]
+    pub(super) fn step(
+        &mut self,
+        simd: S,
+        from: &Features,
+        (to, fronts): (&Features, &Fronts),
+        forward: bool,
+    ) -> Option<Reached> {
+        let (splat, int) = (|v: f32| f32x16::splat(simd, v), |v: usize| i32x16::splat(simd, v as i32));
+        let (w, h, s) = (from.size.width, from.picture_height, self.settings);
+        let motion = from.motion.get(forward, false).filter(|_| self.alive.any_true())?;
+        let m = motion_of(simd, motion.surface, &self.pixels);
+        self.at = [self.at[0] + m[0], self.at[1] + m[1]];
+        let [x, y] = self.at;
+        let (column, row) = (nearest(simd, x), nearest(simd, y));
+        let here = row.to_int::<i32x16<S>>() - int(to.first_row);
+        // NaN fails too: unknown motion ends the trajectory.
+        let inside = x.simd_ge(splat(0.0)) & x.simd_le(splat((w - 1) as f32)) & y.simd_ge(splat(0.0));
+        let near = y.simd_le(splat((h - 1) as f32)) & (y - self.origin).abs().simd_le(splat(self.farthest));
+        let there = here.simd_ge(int(0)) & here.simd_lt(int(to.size.height));
+        let mut alive = self.alive & inside & near & there;
+        let place: [i32; BLOCK] = alive.select(here * int(w) + column.to_int::<i32x16<S>>(), int(0)).into();
+        let mut depths = [0.0; BLOCK];
+        for i in 0..BLOCK {
+            let front = fronts.of(to, place[i] as usize);
+            (self.pixels[i], depths[i]) = (front.pixel, front.inverse_depth);
+        }
+        let depths = f32x16::from_slice(simd, &depths);
+        alive &= (depths - self.inverse_depths).abs().simd_le(self.inverse_depths * s.depth_change);
+        if let Some(back) = to.motion.get(!forward, false) {
+            let r = motion_of(simd, back.surface, &self.pixels);
+            let length = (m[0] * m[0] + m[1] * m[1]).sqrt();
+            let (x, y) = (m[0] + r[0], m[1] + r[1]);
+            alive &= (x * x + y * y).sqrt().simd_le(length * s.round_trip_share + s.round_trip);
+        }
+        (self.inverse_depths, self.alive) = (depths, alive);
+        Some(Reached {
+            at: [x.into(), y.into()],
+            column: column.into(),
+            row: row.into(),
+            found: alive.select(splat(1.0), splat(0.0)).into(),
+        })
+    }
+}
+
+/// Where [`Tracks`] lead in a frame.
+pub(super) struct Reached {
+    pub(super) at: [[f32; BLOCK]; 2],
+    /// The pixels nearest to it, in the picture.
+    pub(super) column: [f32; BLOCK],
+    pub(super) row: [f32; BLOCK],
+    /// 1 where the trajectory goes on, else 0.
+    pub(super) found: [f32; BLOCK],
+}
+
 /// The surface nearest to the eye around a pixel: a silhouette moves with it.
 struct Front {
     pixel: usize,
@@ -252,8 +352,12 @@ impl Fronts {
 
     #[inline(always)]
     fn at(&self, features: &Features, x: usize, y: usize) -> Front {
+        self.of(features, y * features.size.width + x)
+    }
+
+    #[inline(always)]
+    fn of(&self, features: &Features, own: usize) -> Front {
         let w = features.size.width;
-        let own = y * w + x;
         let place = usize::from(self.0.data()[own]);
         let pixel = (own + (place / 3) * w + place % 3) - (w + 1);
         Front { pixel, inverse_depth: features.surface[pixel].inverse_depth }
@@ -355,6 +459,62 @@ mod tests {
     use super::*;
     use crate::plane::Size;
     use crate::sequence::SequenceSettings;
+
+    /// Also bands, motion that leads out of the picture or is unknown, and surfaces that hide others.
+    #[test]
+    fn sixteen_trajectories_are_those_of_one() {
+        let (size, settings) = (Size::new(37, 21), SequenceSettings::default());
+        let frames: Vec<_> = (0..2)
+            .map(|t| {
+                let mut frame = crate::sequence::testing::frame(t, size);
+                let motion = |sign: f32| {
+                    let of = |i: usize, motion: f32| match i % 41 {
+                        5 => f32::NAN,
+                        7 => 9.0,
+                        i => sign * (motion + 0.02 * (i * i % 7) as f32),
+                    };
+                    Some(Plane::from_fn(size, |x, y| [of(x + 5 * y, 1.3), of(3 * x + y, -0.6)]))
+                };
+                (frame.motion_to_next, frame.motion_to_previous) = (motion(1.0), motion(-1.0));
+                let mut features = Features::new(&frame, &settings);
+                for (i, surface) in features.surface.iter_mut().enumerate() {
+                    surface.inverse_depth = [1.0, 1.01, 1.02, 1.4, 0.0][i / 50 % 5];
+                }
+                let fronts = Fronts::new(&features, 1.1);
+                (features, fronts)
+            })
+            .collect();
+        let (gather, s) = (&settings.gather, &settings.stabilise);
+        let mut met = [0; 2];
+        crate::simd::dispatch!(crate::simd::level(), simd => {
+            for (x, y) in [(0, 0), (16, 3), (21, 9), (21, 20), (4, 12)] {
+                let mut wanted = [1.0; BLOCK];
+                wanted[3] = 0.0;
+                let (here, there) = (&frames[0], &frames[1]);
+                let mut tracks = Tracks::new(simd, (&here.0, &here.1), (x, y), &wanted, gather, s);
+                let mut one: Vec<_> =
+                    (0..BLOCK).map(|i| Some(Track::new((&here.0, &here.1), x + i, y, gather, s))).collect();
+                one[3] = None;
+                for k in 0..3 {
+                    let (from, to, forward) = if k % 2 == 0 { (here, there, true) } else { (there, here, false) };
+                    let found = tracks.step(simd, &from.0, (&to.0, &to.1), forward);
+                    for (i, track) in one.iter_mut().enumerate() {
+                        let goes_on = track.as_mut().and_then(|t| t.step(&from.0, (&to.0, &to.1), forward)).is_some();
+                        assert_eq!(goes_on, found.as_ref().is_some_and(|found| found.found[i] > 0.0), "{x} {y} {i} {k}");
+                        met[usize::from(goes_on)] += 1;
+                        let Some(Track { at, .. }) = track.as_ref().filter(|_| goes_on) else {
+                            *track = None;
+                            continue;
+                        };
+                        let found = found.as_ref().unwrap();
+                        assert_eq!(*at, (found.at[0][i], found.at[1][i]));
+                        assert_eq!((at.0.round(), at.1.round()), (found.column[i], found.row[i]));
+                    }
+                }
+            }
+        });
+        assert!(met.iter().all(|n| *n > 40), "{met:?}");
+    }
 
     /// Also at the borders, with several surfaces before each other, and with depths that are no numbers.
     #[test]

@@ -1,6 +1,6 @@
 //! The net's form of the stage, row by row.
 
-use super::cpu::{Fronts, Track};
+use super::cpu::{Fronts, Track, Tracks};
 use super::{
     BOUNDED, BRIGHTNESS, BandwidthLanes, Bounds, LEAST_OWN, LIGHT, PARTS, ShownLanes, StabiliseFrame, TAPS_AROUND,
     TAPS_IN_TIME, bandwidth_lanes, log_brightness, own_weight, restored,
@@ -8,13 +8,14 @@ use super::{
 #[cfg(feature = "internals")]
 use super::{Signature, signature_at};
 use crate::frame::Rgb;
+use crate::kernels::bands_cpu::{Band, around as rows_around, bands, mean_colours};
 use crate::kernels::lanes::{BLOCK, exp2, inside, load, load_halves, load_halves_within, load_within, whole};
 use crate::par;
 use crate::plane::{Plane, Size};
 use crate::sequence::settings::{Gather, Stabilise};
 use crate::simd::{dispatch, widest};
 use crate::stages::blend::BlendFrame;
-use crate::stages::blend::cpu::{Band, PictureNoise, around as blend_around, bands, mean_colours};
+use crate::stages::blend::statistics::PictureNoise;
 use crate::stages::firefly::cpu::median;
 use crate::window::{Features, HalfRows, Rows};
 use fearless_simd::{Simd, f32x16, prelude::*};
@@ -83,8 +84,9 @@ fn binomial_row(lines: [&[Rgb]; 3], out: &mut [f32]) {
 /// The normals that [`normal_at`] gives of these rows and those around, channel by channel, with a zero more at either end.
 fn padded_normals(features: &Features, rows: &Range<usize>) -> Band {
     let (w, h) = (features.size.width, features.size.height);
-    Band::filled(&blend_around(rows, 1, h), w + 2, 3, |y, out| {
+    Band::filled(&rows_around(rows, 1, h), w + 2, 3, |y, out| {
         for (c, out) in out.chunks_exact_mut(w + 2).enumerate() {
+            (out[0], out[w + 1]) = (0.0, 0.0);
             let out = &mut out[1..=w];
             match (&features.seen, features.has_seen[1]) {
                 (Some(seen), true) => seen.channel(1, c, y, out),
@@ -117,7 +119,7 @@ fn mean_row<'a>(lines: impl ExactSizeIterator<Item = &'a [f32]>, out: &mut [f32]
 /// Red + green + blue of these rows and those around, with a pixel more at either end: beyond the border the border counts.
 fn padded_sums(picture: &Plane<Rgb>, rows: &Range<usize>) -> Band {
     let (w, h) = (picture.size().width, picture.size().height);
-    Band::filled(&blend_around(rows, 1, h), w + 2, 1, |y, out| {
+    Band::filled(&rows_around(rows, 1, h), w + 2, 1, |y, out| {
         for (out, colour) in out[1..=w].iter_mut().zip(picture.row(y)) {
             *out = colour[0] + colour[1] + colour[2];
         }
@@ -223,7 +225,7 @@ impl<'a> Joint<'a> {
         let w = size.width;
         let alpha = here.alpha.filter(|_| has_alpha(window));
         let channels = COVERAGE + usize::from(alpha.is_some());
-        let around = Band::filled(&blend_around(&rows, TAPS_AROUND, size.height), w, channels, |y, out| {
+        let around = Band::filled(&rows_around(&rows, TAPS_AROUND, size.height), w, channels, |y, out| {
             if let Some(signature) = here.signature {
                 for (c, out) in out.chunks_exact_mut(w).take(COLOUR).enumerate() {
                     signature.row(y, c).convert_to_f32_slice(out);
@@ -416,6 +418,7 @@ impl<'a> Joint<'a> {
         sums: &mut [[f32; BLOCK]; 5],
     ) {
         let here = &self.window[self.centre];
+        let row_length = here.features.size.width;
         let (mut places, mut met) = ([const { Found::NONE }; MOST_PLACES], 0);
         let mut own = [0.0; BLOCK];
         for (sum, colour) in own.iter_mut().zip(&here.input.row(y)[x..x + count]) {
@@ -429,13 +432,22 @@ impl<'a> Joint<'a> {
             }
             let ahead = if forward { self.window.len() - 1 - self.centre } else { self.centre };
             let ahead = ahead.min(self.settings.frames as usize);
-            let mut tracks: [Option<Track<'_>>; BLOCK] = Default::default();
+            if ahead == 0 {
+                continue;
+            }
             let start = (here.features, &self.fronts[self.centre]);
-            if ahead > 0 {
-                for i in 0..count {
+            // What mirrors show moves by its own motion, and seldom fills a row.
+            let (mut tracks, mut wanted) = ([const { None::<Track<'_>> }; BLOCK], [0.0; BLOCK]);
+            let mut mirrors = false;
+            for i in 0..count {
+                if here.features.is_mirror(y * row_length + x + i) {
                     tracks[i] = Some(Track::new(start, x + i, y, self.gather, self.settings));
+                    mirrors = true;
+                } else {
+                    wanted[i] = 1.0;
                 }
             }
+            let mut surfaces = Tracks::new(simd, start, (x, y), &wanted, self.gather, self.settings);
             for away in 1..=ahead {
                 let (from, frame) = if forward {
                     (self.centre + away - 1, self.centre + away)
@@ -447,20 +459,32 @@ impl<'a> Joint<'a> {
                 (found.frame, found.away) = (frame, away);
                 let there = (other.features, &self.fronts[frame]);
                 let (mut inputs, mut known) = ([0.0; BLOCK], [0.0; BLOCK]);
-                for i in 0..count {
-                    let Some(track) = &mut tracks[i] else { continue };
-                    if track.step(self.window[from].features, there, forward).is_none() {
-                        tracks[i] = None;
-                        continue;
-                    }
-                    (found.at[0][i], found.at[1][i]) = track.at;
-                    let (column, row) = (track.at.0.round() as isize, track.at.1.round() as isize);
+                let mut meet = |i: usize, at: [f32; 2], column: f32, row: f32| {
+                    (found.at[0][i], found.at[1][i]) = (at[0], at[1]);
+                    let (column, row) = (column as isize, row as isize);
                     found.places[i] = (column - i as isize, row);
                     found.lanes |= 1 << i;
                     if let Some(row) = other.features.row_here(row) {
                         let colour = other.input.at(column as usize, row);
                         (inputs[i], known[i]) = (colour[0] + colour[1] + colour[2], 1.0);
                     }
+                };
+                if let Some(reached) = surfaces.step(simd, self.window[from].features, there, forward) {
+                    for i in (0..count).filter(|i| reached.found[*i] > 0.0) {
+                        meet(i, [reached.at[0][i], reached.at[1][i]], reached.column[i], reached.row[i]);
+                    }
+                }
+                for (i, track) in tracks[..count].iter_mut().enumerate().filter(|_| mirrors) {
+                    let Some(there) =
+                        track.as_mut().map(|t| (t.step(self.window[from].features, there, forward), t.at))
+                    else {
+                        continue;
+                    };
+                    let (Some(_), at) = there else {
+                        *track = None;
+                        continue;
+                    };
+                    meet(i, [at.0, at.1], at.0.round(), at.1.round());
                 }
                 shown.add(simd, &inputs, &known);
                 met += 1;

@@ -57,7 +57,7 @@ use crate::window::{Features, HalfRows, Rows};
 #[cfg(feature = "cpu")]
 use {
     crate::kernels::lanes,
-    crate::stages::blend::cpu::PooledLanes,
+    crate::stages::blend::statistics::PooledLanes,
     fearless_simd::{Simd, f32x16, prelude::*},
 };
 
@@ -468,7 +468,7 @@ pub(crate) fn reach(s: &Stabilise) -> Reach {
 mod tests {
     use super::*;
     use crate::kernels::lanes::BLOCK;
-    use crate::stages::blend::cpu::tests::pooled;
+    use crate::stages::blend::statistics::tests::pooled;
 
     #[test]
     fn taps_of_other_frames_count_whole_within_what_the_pixel_showed() {

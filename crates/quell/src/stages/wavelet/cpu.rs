@@ -11,7 +11,7 @@ use crate::sequence::settings::Wavelet;
 use crate::window::{Class, Features, LightSlot, LocalFeatures, Rows};
 use fearless_simd::{Simd, f32x16, prelude::*};
 
-/// One row of two channels a light: mean luminance over 3x3 of the same surface, and its variance. `out` is 0 before.
+/// One row of two channels a light: mean luminance over 3x3 of the same surface, and its variance.
 #[inline(always)]
 pub(crate) fn compared_row<S: Simd>(
     simd: S,
@@ -33,6 +33,11 @@ pub(crate) fn compared_row<S: Simd>(
     let images = Compared { luminances: &luminances, first, variance };
     for x in (0..w).step_by(BLOCK) {
         let lit = lit.within(first..(y + 2).min(h), x as isize - 1..(x + BLOCK + 1) as isize);
+        for l in (0..slots.len()).filter(|l| !lit.has(*l)) {
+            for c in [2 * l, 2 * l + 1] {
+                out[c * w..][x..(x + BLOCK).min(w)].fill(0.0);
+            }
+        }
         let Some(wanted) = Class::wanted(slots, |l| lit.has(l)) else { continue };
         let at = ((x, y), s.step * s.step);
         if distances.reach_edge(x, w, 1) {
