@@ -38,7 +38,7 @@ RUNS = {
             "residual: picture": "quell::stages::residual::cpu::picture",
             "recombine: sum": "quell::stages::recombine::cpu::sum",
             "stabilise: signature": "quell::stages::stabilise::joint::signature",
-            "blend: trajectories": "quell::stages::blend::cpu::along",
+            "blend: trajectories": "quell::stages::blend::over_time::along",
             "stabilise": "quell::cpu::passes::stabilise::run",
             "blend": "quell::stages::blend::cpu::run",
             "recombine: rescale": "quell::stages::recombine::cpu::rescale",

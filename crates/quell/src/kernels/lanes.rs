@@ -48,7 +48,18 @@ pub(crate) fn load_within<S: Simd>(simd: S, data: &[f32], start: usize) -> f32x1
 
 #[cold]
 fn at_edge(row: &[f32], at: isize) -> [f32; BLOCK] {
-    std::array::from_fn(|i| usize::try_from(at + i as isize).ok().and_then(|x| row.get(x)).copied().unwrap_or(0.0))
+    let mut found = [0.0; BLOCK];
+    overlap(row, at, &mut found);
+    found
+}
+
+/// Copies what of the row from column `at` on there is.
+#[inline(always)]
+fn overlap<T: Copy>(row: &[T], at: isize, out: &mut [T; BLOCK]) {
+    let (from, to) = (at.max(0) as usize, (at + BLOCK as isize).clamp(0, row.len() as isize) as usize);
+    if let (Some(there), Some(out)) = (row.get(from..to), out.get_mut(from.wrapping_sub(at as usize)..)) {
+        out.iter_mut().zip(there).for_each(|(out, value)| *out = *value);
+    }
 }
 
 /// The same of half floats.
@@ -81,10 +92,9 @@ fn split(run: &[f16; BLOCK]) -> [[f16; BLOCK / 2]; 2] {
 
 #[cold]
 fn halves_at_edge(row: &[f16], at: isize) -> [f32; BLOCK] {
-    std::array::from_fn(|i| {
-        let half = usize::try_from(at + i as isize).ok().and_then(|x| row.get(x));
-        half.map_or(0.0, |half| widen(*half))
-    })
+    let mut found = [f16::ZERO; BLOCK];
+    overlap(row, at, &mut found);
+    std::array::from_fn(|i| widen(found[i]))
 }
 
 /// Writes sixteen values from column `x` on, as far as the row goes.

@@ -31,7 +31,7 @@ pub(super) fn exact_halves<const N: usize>(values: &[[f32; N]], nan: bool) -> Op
         let values = values[i * PIECE..][..halves.len()].as_flattened();
         let halves = halves.as_flattened_mut();
         halves.convert_from_f32_slice(values);
-        let mut back = par::scratch(values.len());
+        let mut back = par::unset_scratch(values.len());
         halves.convert_to_f32_slice(&mut back);
         let exact =
             |(value, back): (&f32, &f32)| (fits(*value) & (back.to_bits() == value.to_bits())) | (nan & value.is_nan());
@@ -81,7 +81,7 @@ impl Packed {
         let some_beyond = AtomicBool::new(false);
         par::rows(&mut data, length, |y, row| {
             // Rounded a row at once: asked for one number, `half` looks each time for the instruction.
-            let mut floats = par::scratch(length);
+            let mut floats = par::unset_scratch(length);
             fill(y, &mut floats);
             if floats.iter().fold(false, |beyond, v| beyond | !fits(*v)) {
                 some_beyond.store(true, Ordering::Relaxed);
@@ -98,7 +98,7 @@ impl Packed {
         });
         let mut beyond = Vec::new();
         if some_beyond.into_inner() {
-            let mut floats = par::scratch(length);
+            let mut floats = par::unset_scratch(length);
             for (y, row) in data.chunks_exact(length).enumerate().filter(|(_, row)| row.contains(&BEYOND)) {
                 fill(y, &mut floats);
                 let pixels = row.chunks_exact(3 * planes).zip(floats.chunks_exact(3 * planes));
@@ -116,7 +116,7 @@ impl Packed {
     /// Colour `plane` of the pixels of a row.
     pub(crate) fn row(&self, plane: usize, y: usize, out: &mut [Rgb]) {
         let (w, planes) = (out.len(), self.planes);
-        let mut floats = par::scratch(3 * planes * w);
+        let mut floats = par::unset_scratch(3 * planes * w);
         self.data[3 * planes * w * y..][..3 * planes * w].convert_to_f32_slice(&mut floats);
         for (x, (out, pixel)) in out.iter_mut().zip(floats.chunks_exact(3 * planes)).enumerate() {
             *out = [pixel[plane], pixel[planes + plane], pixel[2 * planes + plane]];

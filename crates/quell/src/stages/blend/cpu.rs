@@ -10,7 +10,7 @@ use super::{
 };
 use crate::frame::Rgb;
 use crate::kernels::bands_cpu::{Band, around, bands, pool};
-use crate::kernels::lanes::{BLOCK, store};
+use crate::kernels::lanes::{BLOCK, load_within, store};
 use crate::kernels::math::{lerp, three};
 use crate::par;
 use crate::plane::{Plane, Size};
@@ -116,7 +116,7 @@ fn filtered(
     // What is added to the mixture, and to the coverage.
     let mut change = Plane::filled(size, [0.0; 4]);
     par::rows(change.data_mut(), w, |y, out| {
-        widest!(change_row((mixture, alpha.as_ref()), said, y, s, out));
+        dispatch!(crate::simd::level(), simd => change_row(simd, (mixture, alpha.as_ref()), said, y, s, out));
     });
     let squared = Band::filled(&(0..h), w, 1, |y, row| {
         for ((value, change), known) in row.iter_mut().zip(change.row(y)).zip(known.row(y)) {
@@ -144,33 +144,64 @@ fn filtered(
 
 /// What the kernels of a row change.
 #[inline(always)]
-fn change_row(
+fn change_row<S: Simd>(
+    simd: S,
     (mixture, alpha): (&Plane<Rgb>, Option<&Plane<f32>>),
     said: &Rows,
     y: usize,
     s: &Settings,
     out: &mut [[f32; 4]],
 ) {
+    const SIDE: usize = 2 * RADIUS + 1;
     let (w, h) = (mixture.size().width, mixture.size().height);
-    // Beyond the border the border counts.
-    let lines: [_; 2 * RADIUS + 1] = std::array::from_fn(|dy| (y + dy).saturating_sub(RADIUS).min(h - 1));
-    for (x, out) in out.iter_mut().enumerate() {
-        let weights = kernel::weights(std::array::from_fn(|k| said.at(x, y, 4 + k)));
-        let own = mixture.at(x, y);
-        let brightness = kernel::brightness(own);
-        let own_alpha = alpha.map_or(0.0, |alpha| alpha.at(x, y));
-        *out = [0.0; 4];
-        for (line, weights) in lines.iter().zip(weights.as_chunks::<{ 2 * RADIUS + 1 }>().0) {
-            for (dx, weight) in weights.iter().enumerate() {
-                let x = (x + dx).saturating_sub(RADIUS).min(w - 1);
-                let other = kernel::limited(mixture.at(x, *line), brightness, s);
+    let stride = w + 2 * RADIUS + BLOCK;
+    // Of each line three channels and the coverage. Beyond the border the border counts; then room for the last sixteen.
+    let mut around = par::unset_scratch(SIDE * 4 * stride);
+    for (dy, lines) in around.chunks_exact_mut(4 * stride).enumerate() {
+        let y = (y + dy).saturating_sub(RADIUS).min(h - 1);
+        for (c, line) in lines.chunks_exact_mut(stride).enumerate() {
+            match (c, alpha) {
+                (3, Some(alpha)) => line[RADIUS..][..w].copy_from_slice(alpha.row(y)),
+                (3, None) => line.fill(0.0),
+                _ => line[RADIUS..].iter_mut().zip(mixture.row(y)).for_each(|(out, colour)| *out = colour[c]),
+            }
+            let ends = (line[RADIUS], line[RADIUS + w - 1]);
+            line[..RADIUS].fill(ends.0);
+            line[RADIUS + w..].fill(ends.1);
+        }
+    }
+    let at = |dx: usize, dy: usize, c: usize, x: usize| load_within(simd, &around, (4 * dy + c) * stride + x + dx);
+    let zero = f32x16::splat(simd, 0.0);
+    for (block, out) in out.chunks_mut(BLOCK).enumerate() {
+        let x = BLOCK * block;
+        let weights = kernel::weight_lanes(simd, said, (x, y));
+        let own = [at(RADIUS, RADIUS, 0, x), at(RADIUS, RADIUS, 1, x), at(RADIUS, RADIUS, 2, x)];
+        let own_alpha = at(RADIUS, RADIUS, 3, x);
+        let most = kernel::brightness_lanes(simd, &own) * s.kernel_contrast;
+        let mut sums = [zero; 4];
+        for dy in 0..SIDE {
+            for dx in 0..SIDE {
+                let other = [at(dx, dy, 0, x), at(dx, dy, 1, x), at(dx, dy, 2, x)];
+                let bright = kernel::brightness_lanes(simd, &other);
+                // As `limited`.
+                let beyond = bright.simd_gt(most);
+                let scale = most / bright;
+                let weight = weights[SIDE * dy + dx];
                 for c in 0..3 {
-                    out[c] += weight * (other[c] - own[c]);
+                    let other = beyond.select(other[c] * scale, other[c]);
+                    sums[c] += weight * (other - own[c]);
                 }
-                if let Some(alpha) = alpha {
-                    out[3] += weight * (alpha.at(x, *line) - own_alpha);
+                if alpha.is_some() {
+                    sums[3] += weight * (at(dx, dy, 3, x) - own_alpha);
                 }
             }
+        }
+        let mut found = [[0.0; BLOCK]; 4];
+        for c in 0..4 {
+            sums[c].store_slice(&mut found[c]);
+        }
+        for (i, out) in out.iter_mut().enumerate() {
+            *out = [found[0][i], found[1][i], found[2][i], found[3][i]];
         }
     }
 }

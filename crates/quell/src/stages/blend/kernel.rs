@@ -8,12 +8,20 @@
 
 use super::{drawn_back, exp2};
 use crate::frame::Rgb;
+#[cfg(feature = "cpu")]
+use crate::kernels::lanes;
 use crate::sequence::settings::Blend as Settings;
+#[cfg(feature = "cpu")]
+use crate::window::Rows;
+#[cfg(feature = "cpu")]
+use fearless_simd::{Simd, f32x16, prelude::*};
 
 /// Half the side of the kernel.
 pub(crate) const RADIUS: usize = 1;
 /// Pixels of the kernel, row by row.
 pub(crate) const TAPS: usize = (2 * RADIUS + 1) * (2 * RADIUS + 1);
+/// The first output of the net that is a weight.
+pub(crate) const SAID: usize = 4;
 /// The most that a channel is multiplied by or divided by: what the mixture lacks no factor can give.
 pub(crate) const MOST: f32 = 16.0;
 /// A channel darker than this has no factor.
@@ -28,6 +36,26 @@ pub(crate) fn weights(said: [f32; TAPS]) -> [f32; TAPS] {
     raised.map(|v| v / total)
 }
 
+/// [`weights`] of sixteen pixels from column `x` on of row `y`, to the bit.
+#[cfg(feature = "cpu")]
+#[inline(always)]
+pub(crate) fn weight_lanes<S: Simd>(simd: S, said: &Rows, (x, y): (usize, usize)) -> [f32x16<S>; TAPS] {
+    let zero = f32x16::splat(simd, 0.0);
+    let (mut raised, mut most, mut total) = ([zero; TAPS], f32x16::splat(simd, f32::MIN), zero);
+    for k in 0..TAPS {
+        raised[k] = lanes::load::<true, _>(simd, said.row(y, SAID + k), x as isize);
+        most = most.max_precise(raised[k]);
+    }
+    for k in 0..TAPS {
+        raised[k] = lanes::exp2(simd, (raised[k] - most) * std::f32::consts::LOG2_E);
+        total += raised[k];
+    }
+    for k in 0..TAPS {
+        raised[k] = raised[k] / total;
+    }
+    raised
+}
+
 /// What another pixel counts as for the kernel of a pixel: no more than so many times as bright as that. `own`: [`brightness`].
 #[inline(always)]
 pub(crate) fn limited(other: Rgb, own: f32, s: &Settings) -> Rgb {
@@ -39,6 +67,14 @@ pub(crate) fn limited(other: Rgb, own: f32, s: &Settings) -> Rgb {
 #[inline(always)]
 pub(crate) fn brightness([r, g, b]: Rgb) -> f32 {
     r.max(0.0) + g.max(0.0) + b.max(0.0)
+}
+
+/// [`brightness`] of sixteen pixels, to the bit.
+#[cfg(feature = "cpu")]
+#[inline(always)]
+pub(crate) fn brightness_lanes<S: Simd>(simd: S, [r, g, b]: &[f32x16<S>; 3]) -> f32x16<S> {
+    let zero = f32x16::splat(simd, 0.0);
+    r.max_precise(zero) + g.max_precise(zero) + b.max_precise(zero)
 }
 
 /// How much of a change is kept whose square, mean over 5x5, is `difference`. `noise` and the least that it may be: squared, relative to

@@ -17,7 +17,7 @@ pub(crate) fn sum(frame: &PreparedFrame, slots: &[LightSlot], colours: &Rows) ->
 /// As [`super::reference::input`].
 pub(crate) fn input(frame: &PreparedFrame, slots: &[LightSlot], colours: &Rows) -> Plane<Rgb> {
     picture(frame, slots, |slot, y, light| {
-        let mut own = par::scratch(3 * light.len());
+        let mut own = par::unset_scratch(3 * light.len());
         let as_it_came = raw_row(frame, slot, 0, y, &mut own);
         interleave(if as_it_came { &own } else { channels(colours, y, slot, 0) }, light);
     })
@@ -32,7 +32,7 @@ fn picture(
     let mut picture = Plane::filled(frame.features.size, [0.0; 3]);
     let width = frame.features.size.width;
     par::rows(picture.data_mut(), width, |y, row| {
-        let mut light = par::scratch(3 * width);
+        let mut light = par::unset_scratch(3 * width);
         let (light, _) = light.as_chunks_mut::<3>();
         for slot in slots.iter().filter(|slot| frame.in_beauty[slot.light]) {
             of(slot, y, light);
@@ -126,7 +126,7 @@ pub(crate) fn rescale(
         par::rows(plane.data_mut(), width, |y, out| {
             let filtered = channels(colours, y, slot, k);
             let scales = &scales.data()[scales.start(y, 0)..][..SCALES * width];
-            let mut light = par::scratch(3 * width);
+            let mut light = par::unset_scratch(3 * width);
             let has_share = scales[..width].iter().any(|own| *own > 0.0);
             if !(has_share && raw_row(frame, slot, k, y, &mut light)) {
                 light.copy_from_slice(filtered);

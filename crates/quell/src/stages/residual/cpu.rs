@@ -218,7 +218,7 @@ impl Level<'_> {
         let (w, cell) = (own.size().width, self.cell);
         let plane = self.planes[light].start;
         let across = w.div_ceil(cell);
-        let mut residuals = par::scratch(2 * w);
+        let mut residuals = par::unset_scratch(2 * w);
         for (y, c) in rows.flat_map(|y| (0..3).map(move |c| (y, c))) {
             let (filtered, own) = (colours.row(y, 3 * plane + c), own.row(y, 3 * light + c));
             let (residual, squared) = residuals.split_at_mut(w);
@@ -338,8 +338,8 @@ impl Level<'_> {
                 *changed = if filtered == own { *changed } else { 1.0 };
             }
         }
-        let mut row = par::scratch(across);
-        let mut factor = par::scratch(w);
+        let mut row = par::unset_scratch(across);
+        let mut factor = par::unset_scratch(w);
         for c in 0..3 {
             for (row, (a, b)) in
                 row.iter_mut().zip(changes.row(above, 3 * light + c).iter().zip(changes.row(below, 3 * light + c)))

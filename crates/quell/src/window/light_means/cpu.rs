@@ -48,7 +48,7 @@ pub(super) fn data(
     par::rows(&mut data, 2 * n * w, |y, out| {
         let mut row = par::scratch(out.len());
         dispatch!(crate::simd::level(), simd => job.wide(simd, &near, y, &mut row));
-        let mut pixels = par::scratch(out.len());
+        let mut pixels = par::unset_scratch(out.len());
         for (c, channel) in row.chunks_exact(w).enumerate() {
             for (pixel, value) in pixels.chunks_exact_mut(2 * n).zip(channel) {
                 pixel[c] = *value;
@@ -69,12 +69,15 @@ struct Surface {
 
 impl Surface {
     fn new(f: &Features) -> Self {
-        let of = |c: usize| f.surface.iter().map(|s| s.normal[c]).collect();
-        Self {
-            inverse_depth: f.surface.iter().map(|s| s.inverse_depth).collect(),
-            normal: [of(0), of(1), of(2)],
-            mirror: (0..f.surface.len()).map(|p| if f.is_mirror(p) { 1.0 } else { 0.0 }).collect(),
+        let of = |c: usize| par::map(&f.surface, |s| s.normal[c]);
+        let mut mirror = vec![0.0; f.surface.len()];
+        if f.mirror_colour.is_some() {
+            let w = f.size.width;
+            par::rows(&mut mirror, w.max(1), |y, row| {
+                row.iter_mut().enumerate().for_each(|(x, m)| *m = if f.is_mirror(y * w + x) { 1.0 } else { 0.0 });
+            });
         }
+        Self { inverse_depth: par::map(&f.surface, |s| s.inverse_depth), normal: [of(0), of(1), of(2)], mirror }
     }
 }
 
