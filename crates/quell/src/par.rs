@@ -126,10 +126,10 @@ struct Spares(Vec<Vec<f32>>);
 static SPARES: std::sync::Mutex<Spares> = std::sync::Mutex::new(Spares(Vec::new()));
 
 impl Spares {
-    /// Buffers of pictures that are kept at most. Few: what is kept is there for nobody else.
-    const MOST_LARGE: usize = 3;
+    /// Buffers of pictures that are kept at most: what is kept is there for nobody else.
+    const MOST_LARGE: usize = 1;
     /// Those of bands.
-    const MOST_SMALL: usize = 24;
+    const MOST_SMALL: usize = 14;
     /// The least elements of a picture's: 64 MiB.
     const LARGE: usize = if cfg!(test) { 1200 } else { 1 << 24 };
     /// The least elements of one. Few in tests, so that small pictures use them.
@@ -301,14 +301,15 @@ mod tests {
     #[test]
     fn buffers_of_about_the_size_are_used_again() {
         let mut spares = Spares(Vec::new());
-        for size in [1200, 2000, 1400, 100] {
+        for size in [100, 1000, 700] {
             assert!(spares.keep(Vec::with_capacity(size)).is_none());
         }
-        assert_eq!(spares.take(1250).map(|v| v.capacity()), Some(1400));
-        assert!(spares.take(500).is_none() && spares.take(4000).is_none());
+        assert_eq!(spares.take(650).map(|v| v.capacity()), Some(700));
+        assert!(spares.take(300).is_none() && spares.take(4000).is_none());
+        // One of a picture's size, and of the smaller ones those that were used last.
         assert!(spares.keep(Vec::with_capacity(1500)).is_none());
-        assert_eq!(spares.keep(Vec::with_capacity(1600)).map(|v| v.capacity()), Some(1200));
-        for size in 101..100 + Spares::MOST_SMALL {
+        assert_eq!(spares.keep(Vec::with_capacity(1600)).map(|v| v.capacity()), Some(1500));
+        for size in 102..100 + Spares::MOST_SMALL {
             assert!(spares.keep(Vec::with_capacity(size)).is_none());
         }
         assert_eq!(spares.keep(Vec::with_capacity(200)).map(|v| v.capacity()), Some(100));

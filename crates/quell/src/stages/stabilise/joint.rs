@@ -474,17 +474,14 @@ impl<'a> Joint<'a> {
                         meet(i, [reached.at[0][i], reached.at[1][i]], reached.column[i], reached.row[i]);
                     }
                 }
-                for (i, track) in tracks[..count].iter_mut().enumerate().filter(|_| mirrors) {
-                    let Some(there) =
-                        track.as_mut().map(|t| (t.step(self.window[from].features, there, forward), t.at))
-                    else {
+                for (i, followed) in tracks[..count].iter_mut().enumerate().filter(|_| mirrors) {
+                    let Some(track) = followed.as_mut() else { continue };
+                    if track.step(self.window[from].features, there, forward).is_none() {
+                        *followed = None;
                         continue;
-                    };
-                    let (Some(_), at) = there else {
-                        *track = None;
-                        continue;
-                    };
-                    meet(i, [at.0, at.1], at.0.round(), at.1.round());
+                    }
+                    let (column, row) = track.at;
+                    meet(i, [column, row], column.round(), row.round());
                 }
                 shown.add(simd, &inputs, &known);
                 met += 1;
