@@ -51,7 +51,7 @@ pub(crate) fn weight_lanes<S: Simd>(simd: S, said: &Rows, (x, y): (usize, usize)
         total += raised[k];
     }
     for k in 0..TAPS {
-        raised[k] = raised[k] / total;
+        raised[k] /= total;
     }
     raised
 }
