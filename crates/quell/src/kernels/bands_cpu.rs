@@ -109,7 +109,7 @@ fn means_across<S: Simd>(simd: S, row: &[f32], radius: usize, out: &mut [f32]) {
     let (w, r) = (row.len(), radius as isize);
     for at in (0..w).step_by(BLOCK) {
         let x = at as isize;
-        // Known to the compiler, a window is summed without a loop, and its bounds are looked at once.
+        // The radii of the stages: known to the compiler, a window is summed without a loop, and its bounds are looked at once.
         let found = match radius {
             1 => whole_window::<1, _>(simd, row, at),
             2 => whole_window::<2, _>(simd, row, at),

@@ -57,6 +57,7 @@ fn at_edge(row: &[f32], at: isize) -> [f32; BLOCK] {
 #[inline(always)]
 fn overlap<T: Copy>(row: &[T], at: isize, out: &mut [T; BLOCK]) {
     let (from, to) = (at.max(0) as usize, (at + BLOCK as isize).clamp(0, row.len() as isize) as usize);
+    // Columns before the row are left out: from - at, which is not negative.
     if let (Some(there), Some(out)) = (row.get(from..to), out.get_mut(from.wrapping_sub(at as usize)..)) {
         out.iter_mut().zip(there).for_each(|(out, value)| *out = *value);
     }

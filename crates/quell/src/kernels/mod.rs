@@ -11,7 +11,7 @@
 //! | `net`, `conv` | small nets: of a pixel's statistics; convolutional | sequence |
 //! | `bilinear`, `math`, `halves` | footprints; functions with the same bits on every machine | both |
 //! | `lanes`, `lit_blocks` | sixteen pixels of a row on vectors; where they hold light at all | sequence |
-//! | `motion`, `bands` | motion of sixteen pixels; some rows of an image, and means over windows of it | sequence |
+//! | `motion`, `bands` | motion of eight or sixteen pixels; some rows of an image, and means over windows of it | sequence |
 //!
 //! `*_cpu.rs` are twins on vectors, `*.wgsl` on the GPU.
 

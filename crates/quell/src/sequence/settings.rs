@@ -268,7 +268,7 @@ parameters! {
             higher "Less is averaged with many samples a pixel.", lower "More: patterns and reflections smear.", source "ours";
         nearer: f32 = 1.02, 1.0..=4.0, "times 1/depth", "How much nearer a neighbour in 3x3 must be to count as the foreground: more than the slope of one surface gives.",
             higher "Silhouettes move with what is behind.", lower "Slanted surfaces move with their nearest pixel.", source "ours";
-        depth_change: f32 = 0.5, 0.0..=1.0, "of 1/depth", "Most change a frame of 1/depth of the nearest surface. Much: out of focus depth is chance, and what pixels show decides whether they are averaged.",
+        depth_change: f32 = 0.5, 0.0..=1.0, "of 1/depth", "Most change of 1/depth of the nearest surface from a frame to the next. Wide, since out of focus depth is a mean over surfaces: features decide what is averaged.",
             higher "Ghosts.", lower "What comes nearer flickers.", source "ours";
         round_trip: f32 = 0.5, 0.0..=16.0, "pixels", "How far motion there and back again may miss.",
             higher "Ghosts at silhouettes.", lower "Silhouettes flicker.", source "ours";

@@ -58,7 +58,7 @@ pub struct BlendFrame<'a> {
     /// The coverage as it came. `None`: the picture is opaque.
     pub alpha: Option<&'a Plane<f32>>,
     /// Of the frame in the middle of the window: noise over time along its trajectories, five channels of the picture's extent (`along` of
-    /// `blend/cpu.rs`). `None`: it is found when it is asked for.
+    /// `blend/over_time.rs`). `None`: it is found when it is asked for.
     pub along: Option<&'a Rows>,
 }
 

@@ -68,10 +68,10 @@ struct SurfaceLanes<S: Simd> {
 
 impl<S: Simd> SurfaceLanes<S> {
     #[inline(always)]
-    fn of(simd: S, features: &Features, pixels: &[usize; BLOCK]) -> Self {
+    fn of(simd: S, features: &Features, pixels: &[i32; BLOCK]) -> Self {
         let mut v = [[0.0; BLOCK]; 4];
         for i in 0..BLOCK {
-            let SurfacePoint { inverse_depth, normal, .. } = &features.surface[pixels[i]];
+            let SurfacePoint { inverse_depth, normal, .. } = &features.surface[pixels[i] as usize];
             (v[0][i], v[1][i], v[2][i], v[3][i]) = (*inverse_depth, normal[0], normal[1], normal[2]);
         }
         Self {
@@ -95,11 +95,11 @@ impl<S: Simd> SurfaceLanes<S> {
 
 /// Colours of sixteen pixels of the input and of the wavelet's picture, channel by channel.
 #[inline(always)]
-fn colours_of<S: Simd>(simd: S, frame: &BlendFrame<'_>, pixels: &[usize; BLOCK]) -> [[f32x16<S>; 3]; 2] {
+fn colours_of<S: Simd>(simd: S, frame: &BlendFrame<'_>, pixels: &[i32; BLOCK]) -> [[f32x16<S>; 3]; 2] {
     let mut v = [[[0.0; BLOCK]; 3]; 2];
     for (k, plane) in [frame.input, frame.picture].into_iter().enumerate() {
         for i in 0..BLOCK {
-            let [r, g, b] = plane.data()[pixels[i]];
+            let [r, g, b] = plane.data()[pixels[i] as usize];
             (v[k][0][i], v[k][1][i], v[k][2][i]) = (r, g, b);
         }
     }
@@ -130,7 +130,7 @@ fn surfaces_over_time<S: Simd>(
     let (w, h) = (here.features.size.width, here.features.picture_height);
     let (mut pixels, mut columns) = ([0; BLOCK], [0.0; BLOCK]);
     for i in 0..BLOCK {
-        (pixels[i], columns[i]) = (y * w + (x + i).min(w - 1), (x + i) as f32);
+        (pixels[i], columns[i]) = ((y * w + (x + i).min(w - 1)) as i32, (x + i) as f32);
     }
     let (zero, row) = (splat(0.0), splat((here.features.first_row + y) as f32));
     let farthest = splat(gather.travel * h as f32);
@@ -152,7 +152,7 @@ fn surfaces_over_time<S: Simd>(
             let (from, to) = if forward { (centre + k - 1, centre + k) } else { (centre + 1 - k, centre - k) };
             let other = &window[to];
             let Some(motion) = window[from].features.motion.get(forward, false) else { break };
-            let m = motion_of(simd, motion.surface, &q);
+            let m = motion_of(simd, motion, &q);
             at = [at[0] + m[0], at[1] + m[1]];
             let column = nearest(simd, at[0]).to_int::<i32x16<S>>().min(int(w - 1));
             let row_here = nearest(simd, at[1]).to_int::<i32x16<S>>().min(int(h - 1)) - int(other.features.first_row);
@@ -161,10 +161,7 @@ fn surfaces_over_time<S: Simd>(
             alive &= at[1].simd_gt(splat(-0.5)) & at[1].simd_lt(splat(h as f32 - 0.5));
             alive &= row_here.simd_ge(int(0)) & row_here.simd_lt(int(other.features.size.height));
             alive &= !(at[1] - row).abs().simd_gt(farthest);
-            let places: [i32; BLOCK] = alive.select(row_here * int(w) + column, int(0)).into();
-            for i in 0..BLOCK {
-                q[i] = places[i] as usize;
-            }
+            q = alive.select(row_here * int(w) + column, int(0)).into();
             let there = SurfaceLanes::of(simd, other.features, &q);
             alive &= before.is(simd, &there);
             if !alive.any_true() {

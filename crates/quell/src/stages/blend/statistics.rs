@@ -51,7 +51,7 @@ impl PictureNoise {
             let along = match (here.along, &found) {
                 (Some(whole), _) => &whole.data()[whole.start(y, 0)..][..ALONG_CHANNELS * w],
                 (None, Some(band)) => band.channels(y),
-                (None, None) => return,
+                (None, None) => return out.fill(0.0),
             };
             widest!(differences_row((here, steady), inverse.row(y, 0), along, y, out));
         });

@@ -2,11 +2,10 @@
 
 use super::LANES;
 use super::seen::{Eight, Seen};
-use crate::kernels::halves::widen_eight;
+use crate::kernels::motion_cpu::motion_of_eight;
 use crate::sequence::settings::Gather;
-use crate::window::{Features, Motion, PreparedFrame, SurfacePoint, Vectors};
+use crate::window::{Features, Motion, PreparedFrame, SurfacePoint};
 use fearless_simd::{Simd, f32x8, i32x8, mask32x8, prelude::*};
-use half::f16;
 
 /// The pixels of a frame that show the surfaces of eight pixels.
 #[derive(Clone, Copy, Debug, Default)]
@@ -89,7 +88,7 @@ impl<S: Simd> Way<S> {
             self.alive = zero.simd_lt(zero);
             return;
         };
-        let m = pairs(simd, motion, &self.nearest);
+        let m = motion_of_eight(simd, motion, &self.nearest);
         let at = [self.at[0] + m[0], self.at[1] + m[1]];
         // NaN fails too: unknown motion ends the trajectory.
         let alive = self.alive
@@ -246,24 +245,6 @@ fn dot<S: Simd>(a: &[f32x8<S>; 3], b: &[f32x8<S>; 3]) -> f32x8<S> {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
-#[inline(always)]
-fn pairs<S: Simd>(simd: S, motion: Motion<'_>, places: &[i32; LANES]) -> [f32x8<S>; 2] {
-    if let (Vectors::Half(_, data), None) = (motion.surface, motion.reflection) {
-        let mut v = [[f16::ZERO; LANES]; 2];
-        for i in 0..LANES {
-            let [x, y] = data[places[i] as usize];
-            (v[0][i], v[1][i]) = (x, y);
-        }
-        return [widen_eight(simd, v[0]), widen_eight(simd, v[1])];
-    }
-    let mut v = [[0.0f32; LANES]; 2];
-    for i in 0..LANES {
-        let pair = motion.at(places[i] as usize);
-        (v[0][i], v[1][i]) = (pair[0], pair[1]);
-    }
-    [v[0].simd_into(simd), v[1].simd_into(simd)]
-}
-
 /// What one step along the trajectories knows.
 struct Step<'a, S: Simd> {
     /// World-space size of a pixel at the surface; 0: unknown.
@@ -302,7 +283,7 @@ impl<S: Simd> Step<'_, S> {
         let mut moves =
             change.simd_le(splat(gather.moving_depth)) & cosine.simd_ge(splat(gather.moving_normal)) & !stands;
         if let (Some(back), true) = (self.back, moves.any_true()) {
-            let (m, r) = (&self.motion, pairs(simd, back, places));
+            let (m, r) = (&self.motion, motion_of_eight(simd, back, places));
             let length = (m[0] * m[0] + m[1] * m[1]).sqrt();
             let (x, y) = (m[0] + r[0], m[1] + r[1]);
             let miss = (x * x + y * y).sqrt();

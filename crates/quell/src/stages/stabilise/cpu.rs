@@ -181,7 +181,7 @@ pub(super) struct Tracks<'a, S: Simd> {
     farthest: f32,
     at: [f32x16<S>; 2],
     /// Of each pixel its [`Front`].
-    pixels: [usize; BLOCK],
+    pixels: [i32; BLOCK],
     inverse_depths: f32x16<S>,
     alive: mask32x16<S>,
 }
@@ -200,7 +200,7 @@ impl<'a, S: Simd> Tracks<'a, S> {
         let (mut columns, mut pixels, mut depths) = ([0.0; BLOCK], [0; BLOCK], [0.0; BLOCK]);
         for i in (0..BLOCK).filter(|i| wanted[*i] > 0.0) {
             let front = fronts.at(here, x + i, y);
-            (columns[i], pixels[i], depths[i]) = ((x + i) as f32, front.pixel, front.inverse_depth);
+            (columns[i], pixels[i], depths[i]) = ((x + i) as f32, front.pixel as i32, front.inverse_depth);
         }
         // A band counts rows as the whole picture does: sums of floats are the same.
         let origin = (here.first_row + y) as f32;
@@ -227,7 +227,7 @@ impl<'a, S: Simd> Tracks<'a, S> {
         let (splat, int) = (|v: f32| f32x16::splat(simd, v), |v: usize| i32x16::splat(simd, v as i32));
         let (w, h, s) = (from.size.width, from.picture_height, self.settings);
         let motion = from.motion.get(forward, false).filter(|_| self.alive.any_true())?;
-        let m = motion_of(simd, motion.surface, &self.pixels);
+        let m = motion_of(simd, motion, &self.pixels);
         self.at = [self.at[0] + m[0], self.at[1] + m[1]];
         let [x, y] = self.at;
         let (column, row) = (nearest(simd, x), nearest(simd, y));
@@ -241,12 +241,12 @@ impl<'a, S: Simd> Tracks<'a, S> {
         let mut depths = [0.0; BLOCK];
         for i in 0..BLOCK {
             let front = fronts.of(to, place[i] as usize);
-            (self.pixels[i], depths[i]) = (front.pixel, front.inverse_depth);
+            (self.pixels[i], depths[i]) = (front.pixel as i32, front.inverse_depth);
         }
         let depths = f32x16::from_slice(simd, &depths);
         alive &= (depths - self.inverse_depths).abs().simd_le(self.inverse_depths * s.depth_change);
         if let Some(back) = to.motion.get(!forward, false) {
-            let r = motion_of(simd, back.surface, &self.pixels);
+            let r = motion_of(simd, back, &self.pixels);
             let length = (m[0] * m[0] + m[1] * m[1]).sqrt();
             let (x, y) = (m[0] + r[0], m[1] + r[1]);
             alive &= (x * x + y * y).sqrt().simd_le(length * s.round_trip_share + s.round_trip);
@@ -460,7 +460,7 @@ mod tests {
     use crate::plane::Size;
     use crate::sequence::SequenceSettings;
 
-    /// Also bands, motion that leads out of the picture or is unknown, and surfaces that hide others.
+    /// Also of bands that begin elsewhere in the two frames, with motion that leads out of the picture or is unknown, and surfaces that hide others.
     #[test]
     fn sixteen_trajectories_are_those_of_one() {
         let (size, settings) = (Size::new(37, 21), SequenceSettings::default());
@@ -477,6 +477,7 @@ mod tests {
                 };
                 (frame.motion_to_next, frame.motion_to_previous) = (motion(1.0), motion(-1.0));
                 let mut features = Features::new(&frame, &settings);
+                (features.first_row, features.picture_height) = (3 * t as usize, 26);
                 for (i, surface) in features.surface.iter_mut().enumerate() {
                     surface.inverse_depth = [1.0, 1.01, 1.02, 1.4, 0.0][i / 50 % 5];
                 }
