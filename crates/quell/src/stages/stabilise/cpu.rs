@@ -1,7 +1,7 @@
 //! A pixel of the steadier picture.
 
 use super::likeness::share;
-use super::{Likeness, StabiliseFrame, seen_difference};
+use super::{Likeness, StabiliseFrame, may_miss, noise_unit, seen_difference};
 use crate::frame::Rgb;
 use crate::kernels::bands_cpu::Band;
 use crate::kernels::guide_distance::weight;
@@ -49,7 +49,8 @@ impl Neighbourhood<'_> {
                 continue;
             }
             let ahead = if forward { self.window.len() - 1 - self.centre } else { self.centre };
-            let mut track = Track::new((here.features, &self.fronts[self.centre]), x, y, self.gather, self.settings);
+            let mut track =
+                Track::new((here.features, &self.fronts[self.centre]), (x, y), 0.0, self.gather, self.settings);
             let mut decayed = 1.0;
             for k in 1..=ahead.min(self.settings.frames as usize) {
                 let (from, to) = if forward {
@@ -107,6 +108,8 @@ pub(super) struct Track<'a> {
     here: &'a Features,
     pixel: usize,
     settings: &'a Stabilise,
+    /// Pixels by which motion may miss.
+    may_miss: f32,
     mirror: bool,
     origin: (f32, f32),
     /// Rows that the trajectory may lead up or down.
@@ -119,8 +122,8 @@ impl<'a> Track<'a> {
     #[inline(always)]
     pub(super) fn new(
         (here, fronts): (&'a Features, &Fronts),
-        x: usize,
-        y: usize,
+        (x, y): (usize, usize),
+        noise: f32,
         gather: &Gather,
         settings: &'a Stabilise,
     ) -> Self {
@@ -131,6 +134,7 @@ impl<'a> Track<'a> {
             here,
             pixel,
             settings,
+            may_miss: may_miss(settings, noise),
             mirror: here.is_mirror(pixel),
             origin,
             farthest: gather.travel * here.picture_height as f32,
@@ -167,7 +171,7 @@ impl<'a> Track<'a> {
         forward: bool,
         reflected: bool,
     ) -> Option<((f32, f32), Front)> {
-        let next = step(from, there, forward, reflected, self.at, &self.front, self.settings)?;
+        let next = step(from, there, forward, reflected, self.at, &self.front, (self.settings, self.may_miss))?;
         if (next.0.1 - self.origin.1).abs() <= self.farthest { Some(next) } else { None }
     }
 }
@@ -175,6 +179,8 @@ impl<'a> Track<'a> {
 /// [`Track`] of sixteen pixels of a row, of those whose motion is their surface's.
 pub(super) struct Tracks<'a, S: Simd> {
     settings: &'a Stabilise,
+    /// Pixels by which motion may miss.
+    may_miss: f32x16<S>,
     /// Row of the picture.
     origin: f32,
     /// Rows that the trajectories may lead up or down.
@@ -187,13 +193,13 @@ pub(super) struct Tracks<'a, S: Simd> {
 }
 
 impl<'a, S: Simd> Tracks<'a, S> {
-    /// Of the pixels from column `x` on that are `wanted` (1, else 0).
+    /// Of the pixels from column `x` on that are `wanted` (1, else 0). `noise`: as [`may_miss`] takes it.
     #[inline(always)]
     pub(super) fn new(
         simd: S,
         (here, fronts): (&Features, &Fronts),
         (x, y): (usize, usize),
-        wanted: &[f32; BLOCK],
+        (wanted, noise): (&[f32; BLOCK], f32x16<S>),
         gather: &Gather,
         settings: &'a Stabilise,
     ) -> Self {
@@ -204,8 +210,10 @@ impl<'a, S: Simd> Tracks<'a, S> {
         }
         // A band counts rows as the whole picture does: sums of floats are the same.
         let origin = (here.first_row + y) as f32;
+        let noisy = noise * noise_unit(settings);
         Self {
             settings,
+            may_miss: noisy * noisy + settings.round_trip,
             origin,
             farthest: gather.travel * here.picture_height as f32,
             at: [columns.simd_into(simd), f32x16::splat(simd, origin)],
@@ -249,7 +257,7 @@ impl<'a, S: Simd> Tracks<'a, S> {
             let r = motion_of(simd, back, &self.pixels);
             let length = (m[0] * m[0] + m[1] * m[1]).sqrt();
             let (x, y) = (m[0] + r[0], m[1] + r[1]);
-            alive &= (x * x + y * y).sqrt().simd_le(length * s.round_trip_share + s.round_trip);
+            alive &= (x * x + y * y).sqrt().simd_le(length * s.round_trip_share + self.may_miss);
         }
         (self.inverse_depths, self.alive) = (depths, alive);
         Some(Reached {
@@ -293,7 +301,7 @@ fn step(
     reflected: bool,
     at: (f32, f32),
     front: &Front,
-    s: &Stabilise,
+    (s, may_miss): (&Stabilise, f32),
 ) -> Option<((f32, f32), Front)> {
     let (w, h) = (from.size.width, from.picture_height);
     let m = from.motion.get(forward, reflected)?.at(front.pixel);
@@ -303,7 +311,7 @@ fn step(
         return None;
     }
     let there = fronts.at(to, at.0.round() as usize, to.row_here(at.1.round() as isize)?);
-    (there.same(front, s) && returns(to, forward, reflected, there.pixel, m, s)).then_some((at, there))
+    (there.same(front, s) && returns(to, forward, reflected, there.pixel, m, (s, may_miss))).then_some((at, there))
 }
 
 fn departs(features: &Features, forward: bool, pixel: usize) -> f32 {
@@ -314,13 +322,20 @@ fn departs(features: &Features, forward: bool, pixel: usize) -> f32 {
 
 /// True where the motion at `pixel` leads back by `motion`, or is unknown.
 #[inline(always)]
-fn returns(features: &Features, forward: bool, reflected: bool, pixel: usize, motion: [f32; 2], s: &Stabilise) -> bool {
+fn returns(
+    features: &Features,
+    forward: bool,
+    reflected: bool,
+    pixel: usize,
+    motion: [f32; 2],
+    (s, may_miss): (&Stabilise, f32),
+) -> bool {
     let back = features.motion.get(!forward, reflected);
     let Some(back) = back else { return true };
     let r = back.at(pixel);
     let length = (motion[0] * motion[0] + motion[1] * motion[1]).sqrt();
     let miss = ((motion[0] + r[0]).powi(2) + (motion[1] + r[1]).powi(2)).sqrt();
-    miss <= s.round_trip + s.round_trip_share * length
+    miss <= may_miss + s.round_trip_share * length
 }
 
 /// Of each pixel of a frame the one of the 3x3 around whose surface is nearest to the eye: 0 to 8, row by row. Found once, since many
@@ -492,9 +507,11 @@ mod tests {
                 let mut wanted = [1.0; BLOCK];
                 wanted[3] = 0.0;
                 let (here, there) = (&frames[0], &frames[1]);
-                let mut tracks = Tracks::new(simd, (&here.0, &here.1), (x, y), &wanted, gather, s);
+                let noise: [f32; BLOCK] = std::array::from_fn(|i| 0.03 * (i % 5) as f32);
+                let noises = f32x16::from_slice(simd, &noise);
+                let mut tracks = Tracks::new(simd, (&here.0, &here.1), (x, y), (&wanted, noises), gather, s);
                 let mut one: Vec<_> =
-                    (0..BLOCK).map(|i| Some(Track::new((&here.0, &here.1), x + i, y, gather, s))).collect();
+                    (0..BLOCK).map(|i| Some(Track::new((&here.0, &here.1), (x + i, y), noise[i], gather, s))).collect();
                 one[3] = None;
                 for k in 0..3 {
                     let (from, to, forward) = if k % 2 == 0 { (here, there, true) } else { (there, here, false) };

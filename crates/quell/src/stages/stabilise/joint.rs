@@ -267,7 +267,8 @@ impl<'a> Joint<'a> {
             let count = BLOCK.min(w - x);
             let statistics = self.noise.lanes(simd, (x, y));
             let mut lanes = bandwidth_lanes(simd, &statistics, self.settings, here.features.camera_motion);
-            let believed = self.believed(simd, (x, y), count, lanes.raw, statistics.0.noise(simd, 1));
+            let noise = statistics.0.noise(simd, 1);
+            let believed = self.believed(simd, (x, y), count, lanes.raw, noise);
             if let Some(believed) = &believed {
                 let believed = f32x16::from_slice(simd, believed);
                 for parts in &mut lanes.parts {
@@ -285,7 +286,7 @@ impl<'a> Joint<'a> {
             for (total, believed) in sums[4].iter_mut().zip(believed.iter().flatten()) {
                 *total += believed.max(LEAST_OWN) - 1.0;
             }
-            self.add_in_time(simd, (x, y), count, &lanes, &mut sums);
+            self.add_in_time(simd, (x, y), count, (&lanes, noise), &mut sums);
             let own = self.colours::<true, _>(simd, (x as isize, y), lanes.raw);
             let total = f32x16::from_slice(simd, &sums[4]);
             let mut found = [[0.0; BLOCK]; 4];
@@ -414,11 +415,12 @@ impl<'a> Joint<'a> {
         simd: S,
         (x, y): (usize, usize),
         count: usize,
-        lanes: &BandwidthLanes<S>,
+        (lanes, noise): (&BandwidthLanes<S>, f32x16<S>),
         sums: &mut [[f32; BLOCK]; 5],
     ) {
         let here = &self.window[self.centre];
         let row_length = here.features.size.width;
+        let noises: [f32; BLOCK] = noise.into();
         let (mut places, mut met) = ([const { Found::NONE }; MOST_PLACES], 0);
         let mut own = [0.0; BLOCK];
         for (sum, colour) in own.iter_mut().zip(&here.input.row(y)[x..x + count]) {
@@ -441,13 +443,13 @@ impl<'a> Joint<'a> {
             let mut mirrors = false;
             for i in 0..count {
                 if here.features.is_mirror(y * row_length + x + i) {
-                    tracks[i] = Some(Track::new(start, x + i, y, self.gather, self.settings));
+                    tracks[i] = Some(Track::new(start, (x + i, y), noises[i], self.gather, self.settings));
                     mirrors = true;
                 } else {
                     wanted[i] = 1.0;
                 }
             }
-            let mut surfaces = Tracks::new(simd, start, (x, y), &wanted, self.gather, self.settings);
+            let mut surfaces = Tracks::new(simd, start, (x, y), (&wanted, noise), self.gather, self.settings);
             for away in 1..=ahead {
                 let (from, frame) = if forward {
                     (self.centre + away - 1, self.centre + away)
@@ -639,7 +641,7 @@ impl<'a> Joint<'a> {
             }
             let ahead = if forward { self.window.len() - 1 - self.centre } else { self.centre };
             let start = (here.features, &self.fronts[self.centre]);
-            let mut track = Track::new(start, x, y, self.gather, self.settings);
+            let mut track = Track::new(start, (x, y), self.noise.at(x, y).0.noise(1), self.gather, self.settings);
             for away in 1..=ahead.min(self.settings.frames as usize) {
                 let (from, frame) = if forward {
                     (self.centre + away - 1, self.centre + away)

@@ -7,6 +7,7 @@
 //! | reach | `stabilise.frames` frames before and after; 10 pixels in a frame: the windows of the statistics that the net reads, as in `blend`; 2 rows where motion is rounded |
 //! | equation | out_p = sum_q w_q (c_q + g i_q - g c_q) / sum_q w_q; log2 w_q = -(sum_i b_i \|f_i(p) - f_i(q)\|^2 + b_d d^2 + b_t (t - 1) + b_l) |
 //! | q | 5x5 pixels of the frame, 3x3 of each of the others around the place where the motion of what is in front leads (d: distance from it, t: frames between) |
+//! | motion | must lead back again within `round_trip` + (v / 3 `round_trip_noise`^2)^2 pixels + `round_trip_share` of its length; v: relative variance of the noise, summed over the channels, that the nets read of 11x11 pixels |
 //! | c, i | the filtered picture and the same as it came; g: share of the latter, near 0 where samples are few |
 //! | f | `Signature`; b, g: `Bandwidths`, of two nets; b of the albedo in other frames is at least `albedo` over the noise's relative variance, and `camera_albedo` where motion is the camera's alone |
 //! | w_p | 1; of an outlier (`blend/outlier.rs`) down to 0, and so much less do the light's bandwidths count |
@@ -117,6 +118,21 @@ pub(crate) fn own_weight<'a>(
     let limits = Limits::new(s, noise);
     let filtered = outlier::believed(window, |frame| frame.picture, at, gather, limits);
     filtered.min(1.0 - raw * (1.0 - outlier::believed(window, |frame| frame.input, at, gather, limits)))
+}
+
+/// Pixels by which motion there and back again may miss, where the noise is `noise` (squared, relative to the brightness, summed over
+/// the channels). Where it is strong, depth and motion are chance as light is (out of focus), and the nearest frames are worth more
+/// than a place that is right: signatures decide what is averaged.
+#[inline(always)]
+pub(crate) fn may_miss(s: &Stabilise, noise: f32) -> f32 {
+    let noisy = noise * noise_unit(s);
+    s.round_trip + noisy * noisy
+}
+
+/// One over the noise that [`may_miss`] gives a pixel more.
+#[inline(always)]
+pub(crate) fn noise_unit(s: &Stabilise) -> f32 {
+    1.0 / (3.0 * s.round_trip_noise * s.round_trip_noise)
 }
 
 /// Squared difference of the tone-mapped colours that mirrors or glass show around two pixels.

@@ -2,8 +2,8 @@
 
 use super::{
     BRIGHTNESS, INPUT, LEAST_NOISE, LEAST_OWN, LIGHT, Likeness, POOL, SIGNATURE, Shown, StabiliseFrame, TAPS_AROUND,
-    TAPS_IN_TIME, WIDE, albedo_around, bandwidths, log_brightness, mixed, normal_at, own_weight, seen_difference,
-    signature_at, tap_weight,
+    TAPS_IN_TIME, WIDE, albedo_around, bandwidths, log_brightness, may_miss, mixed, normal_at, own_weight,
+    seen_difference, signature_at, tap_weight,
 };
 use crate::frame::Rgb;
 use crate::kernels::guide_distance::weight;
@@ -28,7 +28,7 @@ pub fn run(
     let (mut picture, mut alpha) = (here.picture.clone(), here.alpha.cloned());
     let every_alpha = window.iter().all(|frame| frame.alpha.is_some());
     for (x, y) in (0..h).flat_map(|y| (0..w).map(move |x| (x, y))) {
-        let visits = visits(window, centre, (x, y), gather, s);
+        let visits = visits(window, centre, (x, y), 0.0, gather, s);
         let mut total = 1.0;
         let mut colour = here.picture.at(x, y);
         let mut coverage = here.alpha.map_or(0.0, |a| a.at(x, y));
@@ -77,7 +77,7 @@ fn joint(
         own[INPUT].copy_from_slice(&judge.map(|v| v as f32));
         // (frame, place in it where the pixel is shown, half the side of the window, frames between)
         let mut places = vec![(centre, [x as f32, (here.features.first_row + y) as f32], TAPS_AROUND, 0)];
-        let visits = visits(window, centre, (x, y), gather, s);
+        let visits = visits(window, centre, (x, y), statistics.0.noise(1), gather, s);
         places.extend(visits.iter().map(|v| (v.frame, v.at, TAPS_IN_TIME, v.frame.abs_diff(centre))));
         let mut shown = Shown::new(own[BRIGHTNESS]);
         for (frame, at, ..) in &places {
@@ -237,11 +237,12 @@ struct Visit {
     weight: f32,
 }
 
-/// Follows what is in front of a pixel through the frames before, then through those after.
+/// Follows what is in front of a pixel through the frames before, then through those after. `noise`: as [`may_miss`] takes it.
 fn visits(
     window: &[StabiliseFrame<'_>],
     centre: usize,
     (x, y): (usize, usize),
+    noise: f32,
     gather: &Gather,
     s: &Stabilise,
 ) -> Vec<Visit> {
@@ -260,7 +261,7 @@ fn visits(
             let next = if forward { frame + 1 } else { frame.wrapping_sub(1) };
             let (Some(to), from) = (window.get(next), window[frame].features) else { break };
             let step = |reflected: bool| {
-                next_place(from, to.features, forward, reflected, at, front, s)
+                next_place(from, to.features, forward, reflected, at, front, (s, may_miss(s, noise)))
                     .filter(|(at, _)| (at[1] - origin_row).abs() <= farthest)
             };
             let (mut found, mut tolerance) = (step(mirror), s.seen_albedo);
@@ -304,7 +305,7 @@ fn next_place(
     reflected: bool,
     at: [f32; 2],
     pixel: usize,
-    s: &Stabilise,
+    (s, may_miss): (&Stabilise, f32),
 ) -> Option<([f32; 2], usize)> {
     let m = from.motion.get(forward, reflected)?.at(pixel);
     let at = [at[0] + m[0], at[1] + m[1]];
@@ -321,7 +322,7 @@ fn next_place(
     if let Some(back) = to.motion.get(!forward, reflected) {
         let back = back.at(there);
         let miss = (m[0] + back[0]).hypot(m[1] + back[1]);
-        let allowed = s.round_trip + s.round_trip_share * m[0].hypot(m[1]);
+        let allowed = may_miss + s.round_trip_share * m[0].hypot(m[1]);
         if miss.is_nan() || miss > allowed {
             return None;
         }

@@ -129,7 +129,7 @@ struct Step {
 
 // Where motion leads from `at` in the neighbouring frame. Not found: off the picture, another depth, or the motion there does not
 // lead back.
-fn next_place(before: WindowFrame, there: WindowFrame, forward: bool, reflected: bool, from_at: vec2f, pixel: vec2i) -> Step {
+fn next_place(before: WindowFrame, there: WindowFrame, forward: bool, reflected: bool, from_at: vec2f, pixel: vec2i, may_miss: f32) -> Step {
     let lost = Step(false, from_at, pixel);
     if !has_motion(before, forward) {
         return lost;
@@ -151,7 +151,7 @@ fn next_place(before: WindowFrame, there: WindowFrame, forward: bool, reflected:
     }
     if has_motion(there, !forward) {
         let miss = length(m + motion_at(there, !forward, reflected, found));
-        if miss > settings.round_trip + settings.round_trip_share * length(m) {
+        if miss > may_miss + settings.round_trip_share * length(m) {
             return lost;
         }
     }
@@ -175,7 +175,10 @@ struct Visit {
 var<private> visits: array<Visit, MOST_VISITS>;
 var<private> visit_count: u32;
 
-fn find_visits(pixel: vec2i) {
+// `noise`: squared, relative to the brightness, summed over the channels.
+fn find_visits(pixel: vec2i, noise: f32) {
+    let noisy = noise * settings.round_trip_noise;
+    let may_miss = settings.round_trip + noisy * noisy;
     let here = frame_at(settings.centre);
     let mirror = is_mirror(here, pixel);
     let origin = vec2f(f32(pixel.x), f32(settings.first_row + pixel.y));
@@ -193,10 +196,10 @@ fn find_visits(pixel: vec2i) {
             }
             let before = frame_at(frame);
             let there = frame_at(next);
-            var found = next_place(before, there, forward, mirror, at, front);
+            var found = next_place(before, there, forward, mirror, at, front, may_miss);
             found.found = found.found && abs(found.at.y - origin.y) <= settings.farthest;
             if !found.found && mirror && departure(before, forward, front) <= settings.departure {
-                found = next_place(before, there, forward, false, at, front);
+                found = next_place(before, there, forward, false, at, front, may_miss);
                 found.found = found.found && abs(found.at.y - origin.y) <= settings.farthest;
             }
             if !found.found {
@@ -253,7 +256,7 @@ fn stabilised(pixel: vec2i, p: Pooled, inverse: f32) -> vec4f {
         }
     }
     own.wide = judge / pixels;
-    find_visits(pixel);
+    find_visits(pixel, noise);
     var shown = add_shown(Shown(own.brightness, own.brightness, own.brightness), input_of(here, pixel));
     for (var k = 0u; k < visit_count; k++) {
         let q = rounded(visits[k].at) - vec2i(0, settings.first_row);

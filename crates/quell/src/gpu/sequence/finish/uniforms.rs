@@ -4,6 +4,7 @@ use crate::gpu::sequence::uniforms::extent;
 use crate::gpu::uniform::{Uniform, uniforms};
 use crate::sequence::FinishJob;
 use crate::stages::blend::log2;
+use crate::stages::stabilise::noise_unit;
 use glam::UVec2;
 
 uniforms! {
@@ -32,6 +33,8 @@ uniforms! {
         pub(super) nearer: f32,
         pub(super) depth_change: f32,
         pub(super) round_trip: f32,
+        /// One over the noise (squared, summed over the channels) at which it may miss by one more.
+        pub(super) round_trip_noise: f32,
         pub(super) round_trip_share: f32,
         pub(super) departure: f32,
         /// log2.
@@ -80,6 +83,7 @@ impl FinishUniforms {
             nearer: s.nearer,
             depth_change: s.depth_change,
             round_trip: s.round_trip,
+            round_trip_noise: noise_unit(s),
             round_trip_share: s.round_trip_share,
             departure: s.departure,
             contrast: log2(s.contrast),
