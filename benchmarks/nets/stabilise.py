@@ -23,7 +23,7 @@ from torch import nn
 from common import drawn, expanded, figures, layers, line, loss, read_rust, run, rust, sequences, shares
 
 HEAD, CHANNELS, PARTS = 30, 12, 4
-TAPS = 25 + 6 * 9
+TAPS = 7 * 9
 READ = (0, 1, 2, 3, 4, 7, 11, 12, 14, 15, 16)  # as `READ` in stages/stabilise/mod.rs
 # where training begins: `log2` of bandwidths that a fit of constants gave, of the input's share, and a mixture with the input
 START = (0.3, -1.5, 1.5, -1.0, -1.0, -3.0, -2.0, 1.0, -1.0, 1.9, -3.0)

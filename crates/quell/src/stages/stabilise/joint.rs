@@ -2,8 +2,8 @@
 
 use super::cpu::{Fronts, Track, Tracks};
 use super::{
-    BOUNDED, BRIGHTNESS, BandwidthLanes, Bounds, LEAST_OWN, LIGHT, PARTS, ShownLanes, StabiliseFrame, TAPS_AROUND,
-    TAPS_IN_TIME, bandwidth_lanes, log_brightness, own_weight, restored,
+    BOUNDED, BRIGHTNESS, BandwidthLanes, Bounds, LEAST_OWN, LIGHT, PARTS, ShownLanes, StabiliseFrame, TAP_RADIUS,
+    bandwidth_lanes, log_brightness, own_weight, restored,
 };
 #[cfg(feature = "internals")]
 use super::{Signature, signature_at};
@@ -225,7 +225,7 @@ impl<'a> Joint<'a> {
         let w = size.width;
         let alpha = here.alpha.filter(|_| has_alpha(window));
         let channels = COVERAGE + usize::from(alpha.is_some());
-        let around = Band::filled(&rows_around(&rows, TAPS_AROUND, size.height), w, channels, |y, out| {
+        let around = Band::filled(&rows_around(&rows, TAP_RADIUS, size.height), w, channels, |y, out| {
             if let Some(signature) = here.signature {
                 for (c, out) in out.chunks_exact_mut(w).take(COLOUR).enumerate() {
                     signature.row(y, c).convert_to_f32_slice(out);
@@ -277,7 +277,7 @@ impl<'a> Joint<'a> {
                     }
                 }
             }
-            let reach = TAPS_AROUND as isize;
+            let reach = TAP_RADIUS as isize;
             let mut sums = if whole(x as isize - reach, w) && whole(x as isize + reach, w) {
                 self.sums_around::<false, _>(simd, (x, y), &lanes)
             } else {
@@ -369,7 +369,7 @@ impl<'a> Joint<'a> {
         let (by_distance, raw) = (lanes.offset[0], lanes.raw);
         let own_colour = self.colours::<EDGE, _>(simd, (x as isize, y), raw);
         let (mut sums, mut total) = ([zero; 4], f32x16::splat(simd, 1.0));
-        let r = TAPS_AROUND as isize;
+        let r = TAP_RADIUS as isize;
         for dy in -r..=r {
             let qy = y as isize + dy;
             if qy < 0 || qy >= h as isize {
@@ -524,8 +524,8 @@ impl<'a> Joint<'a> {
         (lanes, bounds): (&BandwidthLanes<S>, Bounds<f32x16<S>>),
         sums: &mut [[f32; BLOCK]; 5],
     ) {
-        const R: isize = TAPS_IN_TIME as isize;
-        const WIDTH: usize = BLOCK + 2 * TAPS_IN_TIME;
+        const R: isize = TAP_RADIUS as isize;
+        const WIDTH: usize = BLOCK + 2 * TAP_RADIUS;
         let w = other.features.size.width;
         let zero = f32x16::splat(simd, 0.0);
         let alike = f32x16::from_slice(simd, alike).simd_gt(zero);
@@ -616,7 +616,7 @@ impl<'a> Joint<'a> {
         let Some(signatures) = here.signature else { return };
         let mut own = signature_at(signatures, x, y);
         own[super::INPUT].copy_from_slice(&self.input.colour(x, y, 0));
-        let r = TAPS_AROUND;
+        let r = TAP_RADIUS;
         for qy in y.saturating_sub(r)..(y + r + 1).min(h) {
             for qx in x.saturating_sub(r)..(x + r + 1).min(w) {
                 if (qx, qy) != (x, y) {
@@ -653,7 +653,7 @@ impl<'a> Joint<'a> {
                 let Some(_) = track.step(self.window[from].features, there, forward) else { break };
                 let Some(signatures) = other.signature else { break };
                 let (cx, cy) = (track.at.0.round() as isize, track.at.1.round() as isize);
-                let r = TAPS_IN_TIME as isize;
+                let r = TAP_RADIUS as isize;
                 for qy in cy - r..=cy + r {
                     let Some(row) = other.features.row_here(qy) else { continue };
                     for qx in (cx - r).max(0)..=(cx + r).min(w as isize - 1) {
@@ -787,7 +787,7 @@ impl Alike<'_> {
     /// True where no tap lies beyond the ends of a row.
     #[inline(always)]
     fn within(&self) -> bool {
-        let (w, reach) = (self.other.features.size.width, TAPS_IN_TIME as isize);
+        let (w, reach) = (self.other.features.size.width, TAP_RADIUS as isize);
         whole(self.place.0 - reach, w) && whole(self.place.0 + reach, w)
     }
 }

@@ -6,7 +6,7 @@
 //! | writes | the steadier picture, and its coverage |
 //! | reach | `stabilise.frames` frames before and after; 10 pixels in a frame: the windows of the statistics that the net reads, as in `blend`; 2 rows where motion is rounded |
 //! | equation | out_p = sum_q w_q (c_q + g i_q - g c_q) / sum_q w_q; log2 w_q = -(sum_i b_i \|f_i(p) - f_i(q)\|^2 + b_d d^2 + b_t (t - 1) + b_l) |
-//! | q | 5x5 pixels of the frame, 3x3 of each of the others around the place where the motion of what is in front leads (d: distance from it, t: frames between) |
+//! | q | 3x3 pixels of the frame, and of each of the others around the place where the motion of what is in front leads (d: distance from it, t: frames between) |
 //! | motion | must lead back again within `round_trip` + (v / 3 `round_trip_noise`^2)^2 pixels + `round_trip_share` of its length; v: relative variance of the noise, summed over the channels, that the nets read of 11x11 pixels |
 //! | c, i | the filtered picture and the same as it came; g: share of the latter, near 0 where samples are few |
 //! | f | `Signature`; b, g: `Bandwidths`, of two nets; b of the albedo in other frames is at least `albedo` over the noise's relative variance, and `camera_albedo` where motion is the camera's alone |
@@ -164,9 +164,8 @@ pub(crate) const PARTS: usize = COMPARED / 3;
 pub(crate) const DARK: f32 = 1e-6;
 /// Half the side of the window whose mean is compared.
 pub(crate) const WIDE: usize = 2;
-/// Half the side of the window of taps in the frame itself, and in other frames.
-pub(crate) const TAPS_AROUND: usize = 2;
-pub(crate) const TAPS_IN_TIME: usize = 1;
+/// Half the side of the window of taps, in the frame itself as in others: with 2 no figure gains (docs/trials.md).
+pub(crate) const TAP_RADIUS: usize = 1;
 /// The part that holds the albedo.
 const ALBEDO: usize = 2;
 /// Relative variance of the noise below which the albedo's least bandwidth grows no further.
@@ -181,7 +180,7 @@ pub(crate) const MOST: f32 = 20.0;
 /// Taps of a pixel, itself included.
 #[cfg(feature = "internals")]
 pub(crate) fn taps(s: &Stabilise) -> usize {
-    (2 * TAPS_AROUND + 1).pow(2) + 2 * s.frames as usize * (2 * TAPS_IN_TIME + 1).pow(2)
+    (1 + 2 * s.frames as usize) * (2 * TAP_RADIUS + 1).pow(2)
 }
 
 /// The normal of pixel `p` whose mean over 3x3 a signature holds: that seen in mirrors, else the surface's.

@@ -1,9 +1,9 @@
 //! The specification of `stabilise`.
 
 use super::{
-    BRIGHTNESS, INPUT, LEAST_NOISE, LEAST_OWN, LIGHT, Likeness, POOL, SIGNATURE, Shown, StabiliseFrame, TAPS_AROUND,
-    TAPS_IN_TIME, WIDE, albedo_around, bandwidths, log_brightness, may_miss, mixed, normal_at, own_weight,
-    seen_difference, signature_at, tap_weight,
+    BRIGHTNESS, INPUT, LEAST_NOISE, LEAST_OWN, LIGHT, Likeness, POOL, SIGNATURE, Shown, StabiliseFrame, TAP_RADIUS,
+    WIDE, albedo_around, bandwidths, log_brightness, may_miss, mixed, normal_at, own_weight, seen_difference,
+    signature_at, tap_weight,
 };
 use crate::frame::Rgb;
 use crate::kernels::guide_distance::weight;
@@ -75,10 +75,10 @@ fn joint(
         let mut own = here.signature.map_or([0.0; SIGNATURE], |signature| signature_at(signature, x, y));
         let judge = window_mean(here.input.size(), WIDE, (x, y), |q| here.input.data()[q]);
         own[INPUT].copy_from_slice(&judge.map(|v| v as f32));
-        // (frame, place in it where the pixel is shown, half the side of the window, frames between)
-        let mut places = vec![(centre, [x as f32, (here.features.first_row + y) as f32], TAPS_AROUND, 0)];
+        // (frame, place in it where the pixel is shown, frames between)
+        let mut places = vec![(centre, [x as f32, (here.features.first_row + y) as f32], 0)];
         let visits = visits(window, centre, (x, y), statistics.0.noise(1), gather, s);
-        places.extend(visits.iter().map(|v| (v.frame, v.at, TAPS_IN_TIME, v.frame.abs_diff(centre))));
+        places.extend(visits.iter().map(|v| (v.frame, v.at, v.frame.abs_diff(centre))));
         let mut shown = Shown::new(own[BRIGHTNESS]);
         for (frame, at, ..) in &places {
             let (other, column, row) = (&window[*frame], at[0].round() as usize, at[1].round() as isize);
@@ -88,11 +88,11 @@ fn joint(
         }
         let shown = shown.bounds(s, here.features.camera_motion);
         let (mut sum, mut total) = ([0.0f64; 4], 0.0f64);
-        for (frame, at, radius, away) in places {
+        for (frame, at, away) in places {
             let other = &window[frame];
             let Some(signatures) = other.signature else { continue };
             let (column, row) = (at[0].round() as isize, at[1].round() as isize);
-            let r = radius as isize;
+            let r = TAP_RADIUS as isize;
             for (qx, qy) in (row - r..=row + r).flat_map(|qy| (column - r..=column + r).map(move |qx| (qx, qy))) {
                 let Some(here_row) = other.features.row_here(qy).filter(|_| qx >= 0 && qx < w as isize) else {
                     continue;

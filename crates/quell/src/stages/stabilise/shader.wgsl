@@ -274,8 +274,8 @@ fn stabilised(pixel: vec2i, p: Pooled, inverse: f32) -> vec4f {
     let low = shown.low - settings.contrast;
     var total = 0.0;
     var sum = vec4f(0.0);
-    for (var dy = -TAPS_AROUND; dy <= TAPS_AROUND; dy++) {
-        for (var dx = -TAPS_AROUND; dx <= TAPS_AROUND; dx++) {
+    for (var dy = -TAP_RADIUS; dy <= TAP_RADIUS; dy++) {
+        for (var dx = -TAP_RADIUS; dx <= TAP_RADIUS; dx++) {
             let q = pixel + vec2i(dx, dy);
             if !contains(q) {
                 continue;
@@ -295,8 +295,8 @@ fn stabilised(pixel: vec2i, p: Pooled, inverse: f32) -> vec4f {
         let there = frame_at(visit.frame);
         let away = b.away * f32(abs(visit.frame - settings.centre) - 1);
         let middle = rounded(visit.at);
-        for (var dy = -TAPS_IN_TIME; dy <= TAPS_IN_TIME; dy++) {
-            for (var dx = -TAPS_IN_TIME; dx <= TAPS_IN_TIME; dx++) {
+        for (var dy = -TAP_RADIUS; dy <= TAP_RADIUS; dy++) {
+            for (var dx = -TAP_RADIUS; dx <= TAP_RADIUS; dx++) {
                 let place = middle + vec2i(dx, dy);
                 let q = place - vec2i(0, settings.first_row);
                 if !contains(q) {
