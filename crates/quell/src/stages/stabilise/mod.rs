@@ -7,7 +7,7 @@
 //! | reach | `stabilise.frames` frames before and after; 10 pixels in a frame: the windows of the statistics that the net reads, as in `blend`; 2 rows where motion is rounded |
 //! | equation | out_p = sum_q w_q (c_q + g i_q - g c_q) / sum_q w_q; log2 w_q = -(sum_i b_i \|f_i(p) - f_i(q)\|^2 + b_d d^2 + b_t (t - 1) + b_l) |
 //! | q | 3x3 pixels of the frame, and of each of the others around the place where the motion of what is in front leads (d: distance from it, t: frames between) |
-//! | motion | must lead back again within `round_trip` + (v / 3 `round_trip_noise`^2)^2 pixels + `round_trip_share` of its length; v: relative variance of the noise, summed over the channels, that the nets read of 11x11 pixels |
+//! | motion | must lead back again within `round_trip` + (v / (3 `round_trip_noise`^2))^2 pixels + `round_trip_share` of its length; v: relative variance of the noise, summed over the channels, that the nets read of 11x11 pixels |
 //! | c, i | the filtered picture and the same as it came; g: share of the latter, near 0 where samples are few |
 //! | f | `Signature`; b, g: `Bandwidths`, of two nets; b of the albedo in other frames is at least `albedo` over the noise's relative variance, and `camera_albedo` where motion is the camera's alone |
 //! | w_p | 1; of an outlier (`blend/outlier.rs`) down to 0, and so much less do the light's bandwidths count |
@@ -121,8 +121,8 @@ pub(crate) fn own_weight<'a>(
 }
 
 /// Pixels by which motion there and back again may miss, where the noise is `noise` (squared, relative to the brightness, summed over
-/// the channels). Where it is strong, depth and motion are chance as light is (out of focus), and the nearest frames are worth more
-/// than a place that is right: signatures decide what is averaged.
+/// the channels). Out of focus motion is a mean over few samples as light is, and misses its way back by chance: pixels near the right
+/// place are better than none, and signatures decide which of them are averaged.
 #[inline(always)]
 pub(crate) fn may_miss(s: &Stabilise, noise: f32) -> f32 {
     let noisy = noise * noise_unit(s);
