@@ -5,7 +5,7 @@
 //! For every frame of FRAMES (as 6-8) one file OUT/NNNN.npy of 32-bit floats, (height, width, 36): three candidates of three
 //! channels, the noise, what the net of `blend` reads. For one pixel in EVERY (0: none) the taps of `stabilise`: OUT/NNNN.head, 32-bit
 //! floats, a row of 30 for each pixel: column, row, one over the brightness, noise, three candidates over the brightness,
-//! statistics; OUT/NNNN.taps, 16-bit floats, rows of 79 taps of 12 numbers: colour and the input's over brightness,
+//! statistics; OUT/NNNN.taps, 16-bit floats, rows of 63 taps of 12 numbers: colour and the input's over brightness,
 //! squared differences of four parts of the signature, squared distance, 1 + frames between (0.5: the pixel itself; 0: no
 //! tap).
 use quell::sequence::{BlendView, SequenceDenoiser, SequenceSettings};

@@ -273,7 +273,7 @@ parameters! {
         round_trip: f32 = 0.5, 0.0..=16.0, "pixels", "How far motion there and back again may miss.",
             higher "Ghosts at silhouettes.", lower "Silhouettes flicker.", source "ours";
         round_trip_noise: f32 = 0.18, 0.01..=16.0, "of the brightness", "Deviation of the noise at which it may miss by one more pixel; that grows with the deviation's fourth power.",
-            higher "Where motion is chance, as out of focus, more flicker.", lower "Ghosts where noise is strong.", source "ours: docs/trials.md";
+            higher "More flicker where motion vectors are noisy, as out of focus.", lower "Ghosts where noise is strong.", source "ours: docs/trials.md";
         round_trip_share: f32 = 0.1, 0.0..=1.0, "of the motion's length", "How far it may miss beyond that.",
             higher "Ghosts behind fast things.", lower "Fast things flicker.", source "ours";
     }

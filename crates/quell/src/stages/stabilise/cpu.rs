@@ -507,7 +507,7 @@ mod tests {
                 let mut wanted = [1.0; BLOCK];
                 wanted[3] = 0.0;
                 let (here, there) = (&frames[0], &frames[1]);
-                let noise: [f32; BLOCK] = std::array::from_fn(|i| 0.03 * (i % 5) as f32);
+                let noise: [f32; BLOCK] = std::array::from_fn(|i| 0.1 * (i % 5) as f32);
                 let noises = f32x16::from_slice(simd, &noise);
                 let mut tracks = Tracks::new(simd, (&here.0, &here.1), (x, y), (&wanted, noises), gather, s);
                 let mut one: Vec<_> =
