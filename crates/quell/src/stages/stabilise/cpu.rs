@@ -486,7 +486,7 @@ mod tests {
                     let of = |i: usize, motion: f32| match i % 41 {
                         5 => f32::NAN,
                         7 => 9.0,
-                        i => sign * (motion + 0.02 * (i * i % 7) as f32),
+                        i => sign * (motion + 0.4 * (i * i % 7) as f32),
                     };
                     Some(Plane::from_fn(size, |x, y| [of(x + 5 * y, 1.3), of(3 * x + y, -0.6)]))
                 };
