@@ -2,6 +2,7 @@
 
 use super::guide_distance::{APART, FARTHEST, LEAST_BASE, LEAST_TOLERANCE};
 use super::lanes::{self, BLOCK, load_row, load_within};
+use crate::par::{self, Scratch};
 use crate::sequence::settings::Wavelet;
 use crate::window::{Class, LocalFeatures, Rows};
 use fearless_simd::{Simd, f32x16, prelude::*};
@@ -21,7 +22,7 @@ pub(crate) fn weight<S: Simd>(distance: f32x16<S>) -> f32x16<S> {
     b * b
 }
 
-/// One tap of a kernel, seen from sixteen pixels of a row.
+/// One tap of a kernel, for the pixels of a row.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Tap {
     /// Pixels to the right and down, in steps of the kernel.
@@ -29,11 +30,10 @@ pub(crate) struct Tap {
     pub dy: isize,
     /// The same in pixels.
     pub offset: [isize; 2],
-    /// Row of the taps, and the column of the first.
+    /// The row that it lies in.
     pub row: usize,
-    pub at: isize,
-    /// Every pixel's tap lies in the image.
-    pub whole: bool,
+    /// What [`reach_of`] finds.
+    reach: f32,
 }
 
 impl Tap {
@@ -41,10 +41,22 @@ impl Tap {
         self.dx == 0 && self.dy == 0
     }
 
-    /// Where the taps lie in channel 0 of an image, if none lies beyond the row: found once for all channels.
+    /// The same tap in an image that begins at row `first`.
+    #[inline(always)]
+    pub(crate) fn from_row(self, first: usize) -> Self {
+        Self { row: self.row - first, ..self }
+    }
+
+    /// The column of the tap of pixel `x`.
+    #[inline(always)]
+    fn column(&self, x: usize) -> isize {
+        x as isize + self.offset[0]
+    }
+
+    /// Where the tap of a row's first pixel lies in channel 0 of an image, or would: found once for all channels and pixels.
     #[inline(always)]
     pub(crate) fn start(&self, rows: &Rows) -> usize {
-        rows.start(self.row, 0).wrapping_add_signed(self.at)
+        rows.start(self.row, 0).wrapping_add_signed(self.offset[0])
     }
 
     /// [`Self::of`], with what [`Self::start`] found and with `data`, the image's values from its first row's channel on.
@@ -54,35 +66,43 @@ impl Tap {
         simd: S,
         (rows, channel): (&Rows, usize),
         (data, start): (&[f32], usize),
+        x: usize,
     ) -> f32x16<S> {
-        if EDGE { self.of::<true, _>(simd, rows, channel) } else { load_within(simd, data, start) }
+        if EDGE { self.of::<true, _>(simd, rows, channel, x) } else { load_within(simd, data, start.wrapping_add(x)) }
     }
 
-    /// A channel of the taps.
+    /// A channel of the taps of the sixteen pixels from `x` on.
     #[inline(always)]
-    pub(crate) fn of<const EDGE: bool, S: Simd>(&self, simd: S, rows: &Rows, channel: usize) -> f32x16<S> {
-        load_row::<EDGE, _>(simd, rows.data(), rows.start(self.row, channel), rows.size().width, self.at)
+    pub(crate) fn of<const EDGE: bool, S: Simd>(&self, simd: S, rows: &Rows, channel: usize, x: usize) -> f32x16<S> {
+        load_row::<EDGE, _>(simd, rows.data(), rows.start(self.row, channel), rows.size().width, self.column(x))
+    }
+
+    /// `weight`, and nothing for those of the sixteen pixels from `x` on whose tap lies beyond a row of `w`.
+    #[inline(always)]
+    pub(crate) fn inside<const EDGE: bool, S: Simd>(&self, x: usize, w: usize, weight: f32x16<S>) -> f32x16<S> {
+        let at = self.column(x);
+        if !EDGE || lanes::whole(at, w) {
+            return weight;
+        }
+        let (simd, zero) = (weight.simd, f32x16::splat(weight.simd, 0.0));
+        let inside: f32x16<S> = lanes::inside(at, w).simd_into(simd);
+        inside.simd_gt(zero).select(weight, zero)
     }
 }
 
-/// Nothing for pixels whose tap lies outside of the image.
+/// Three channels of the taps of the sixteen pixels from `x` on.
 #[inline(always)]
-pub(crate) fn inside<const EDGE: bool, S: Simd>(tap: &Tap, w: usize, weight: f32x16<S>) -> f32x16<S> {
-    if !EDGE || tap.whole {
-        return weight;
-    }
-    let (simd, zero) = (weight.simd, f32x16::splat(weight.simd, 0.0));
-    let inside: f32x16<S> = lanes::inside(tap.at, w).simd_into(simd);
-    inside.simd_gt(zero).select(weight, zero)
-}
-
-/// Three channels of the taps.
-#[inline(always)]
-pub(crate) fn three_rows<const EDGE: bool, S: Simd>(simd: S, rows: &Rows, tap: &Tap, first: usize) -> [f32x16<S>; 3] {
+pub(crate) fn three_rows<const EDGE: bool, S: Simd>(
+    simd: S,
+    rows: &Rows,
+    tap: &Tap,
+    first: usize,
+    x: usize,
+) -> [f32x16<S>; 3] {
     [
-        tap.of::<EDGE, _>(simd, rows, first),
-        tap.of::<EDGE, _>(simd, rows, first + 1),
-        tap.of::<EDGE, _>(simd, rows, first + 2),
+        tap.of::<EDGE, _>(simd, rows, first, x),
+        tap.of::<EDGE, _>(simd, rows, first + 1, x),
+        tap.of::<EDGE, _>(simd, rows, first + 2, x),
     ]
 }
 
@@ -145,11 +165,11 @@ impl<'a, S: Simd, const EDGE: bool> Guides<'a, S, EDGE> {
         }
     }
 
-    /// The distances of a tap, class by class; those that are not wanted are 0. `reach`: see [`reach_of`].
+    /// The distances of a tap, class by class; those that are not wanted are 0.
     #[inline(always)]
-    pub(crate) fn distances(&self, tap: &Tap, reach: f32) -> [f32x16<S>; CLASSES] {
+    fn distances(&self, tap: &Tap) -> [f32x16<S>; CLASSES] {
         let (simd, local, s) = (self.simd, self.local, self.s);
-        let there = Place { y: tap.row, x: tap.at, ..self.centre };
+        let there = Place { y: tap.row, x: self.centre.x + tap.offset[0], ..self.centre };
         let zero = f32x16::splat(simd, 0.0);
         let mut out = [zero; CLASSES];
         if !(self.wanted[0] || self.wanted[1] || self.wanted[2]) {
@@ -159,7 +179,7 @@ impl<'a, S: Simd, const EDGE: bool> Guides<'a, S, EDGE> {
         let (iz_p, iz_q) = (self.inverse_depth, there.of::<EDGE, _>(simd, &local.inverse_depth));
         let along = self.slope[0] * dx as f32 + self.slope[1] * dy as f32;
         let miss = iz_q - iz_p - along;
-        let tolerance = iz_p * (self.noise + reach) + along.abs() * s.slope_error + LEAST_TOLERANCE;
+        let tolerance = iz_p * (self.noise + tap.reach) + along.abs() * s.slope_error + LEAST_TOLERANCE;
         let r = miss / tolerance;
         let differ = iz_p.simd_gt(zero) ^ iz_q.simd_gt(zero);
         let bend = self.surface.bend(&there.of_three::<EDGE, _>(simd, &local.normal));
@@ -257,92 +277,75 @@ impl Place {
     }
 }
 
-/// Guide distances of all taps of a kernel from sixteen pixels of a row.
+/// Blocks of pixels whose distances are found before the first light is filtered: their channels are read light by light, each in runs of
+/// a page of memory, which is as far as a processor fetches ahead. Block by block, all lights' channels of three rows are a hundred
+/// streams at once, more than it follows: at 1920x1080 the wavelet took twice as long so (docs/performance.md).
+pub(crate) const RUN: usize = 64;
+
+/// Guide distances of all taps of a kernel from the pixels of a [`RUN`] of blocks.
 pub(crate) struct Distances {
-    radius: isize,
+    /// How far taps lie to the left and right, in pixels.
+    far: usize,
+    /// The taps that lie in the image's rows.
     taps: Vec<Tap>,
-    /// Of every tap of the kernel what [`reach_of`] finds; `step`: for which.
-    reaches: Vec<f32>,
-    step: isize,
-    /// Taps that there are.
-    count: usize,
-    /// Of each class, tap by tap; those of classes that are not wanted are 0.
-    by_class: [Vec<[f32; BLOCK]>; CLASSES],
+    /// Of each class, block by block and tap by tap; those of classes that are not wanted mean nothing.
+    distances: Scratch,
 }
 
 impl Distances {
-    /// Of a kernel with up to `radius` steps each way.
-    pub(crate) fn new(radius: usize) -> Self {
-        let most = (2 * radius + 1) * (2 * radius + 1);
-        Self {
-            radius: radius as isize,
-            taps: vec![Tap::default(); most],
-            reaches: vec![0.0; most],
-            step: 0,
-            count: 0,
-            by_class: std::array::from_fn(|_| vec![[0.0; BLOCK]; most]),
+    /// Of a kernel with up to `radius` steps of `step` pixels each way, around the pixels of row `y` of an image of `h` rows.
+    pub(crate) fn new(radius: usize, step: isize, y: usize, h: usize, s: &Wavelet) -> Self {
+        let radius = radius as isize;
+        let mut taps = Vec::new();
+        for dy in -radius..=radius {
+            let Some(row) = y.checked_add_signed(dy * step).filter(|row| *row < h) else { continue };
+            for dx in -radius..=radius {
+                let offset = [dx * step, dy * step];
+                taps.push(Tap { dx, dy, offset, row, reach: reach_of(offset, s) });
+            }
         }
-    }
-
-    /// Most taps that there can be.
-    pub(crate) fn most(&self) -> usize {
-        self.taps.len()
+        let distances = par::unset_scratch(CLASSES * RUN * taps.len() * BLOCK);
+        Self { far: (radius * step) as usize, taps, distances }
     }
 
     /// True where some taps of the pixels from `x` on may lie outside of a row of `w`: `EDGE` for what follows.
-    pub(crate) fn reach_edge(&self, x: usize, w: usize, step: isize) -> bool {
-        let far = (self.radius * step) as usize;
-        x < far || x + BLOCK + far > w
+    pub(crate) fn reach_edge(&self, x: usize, w: usize) -> bool {
+        x < self.far || x + BLOCK + self.far > w
     }
 
-    /// Finds those of the taps that lie in an image of `h` rows for some of the pixels, row by row; `step` pixels a step.
+    /// Where the distances of a block begin.
     #[inline(always)]
-    pub(crate) fn find<S: Simd, const EDGE: bool>(&mut self, guides: &Guides<'_, S, EDGE>, h: usize, step: isize) {
-        let Place { w, x, y } = guides.centre;
-        self.count = 0;
-        let across = 2 * self.radius + 1;
-        if self.step != step {
-            self.step = step;
-            for (i, reach) in self.reaches.iter_mut().enumerate() {
-                let (dx, dy) = (i as isize % across - self.radius, i as isize / across - self.radius);
-                *reach = reach_of([dx * step, dy * step], guides.s);
-            }
-        }
-        for dy in -self.radius..=self.radius {
-            let row = y as isize + dy * step;
-            if row < 0 || row >= h as isize {
-                continue;
-            }
-            for dx in -self.radius..=self.radius {
-                let at = x + dx * step;
-                if EDGE && (at + BLOCK as isize <= 0 || at >= w as isize) {
-                    continue;
+    fn start(&self, block: usize, class: usize) -> usize {
+        (class * RUN + block) * self.taps.len()
+    }
+
+    /// Finds the distances of a block of the run.
+    #[inline(always)]
+    pub(crate) fn find<S: Simd, const EDGE: bool>(&mut self, block: usize, guides: &Guides<'_, S, EDGE>) {
+        for i in 0..self.taps.len() {
+            let tap = self.taps[i];
+            // A pixel's distance from itself is 0.
+            let found = if tap.is_centre() {
+                [f32x16::splat(guides.simd, 0.0); CLASSES]
+            } else {
+                guides.distances(&tap)
+            };
+            for class in 0..CLASSES {
+                if guides.wanted[class] {
+                    let at = (self.start(block, class) + i) * BLOCK;
+                    found[class].store_slice(&mut self.distances[at..at + BLOCK]);
                 }
-                let whole = !EDGE || lanes::whole(at, w);
-                let tap = Tap { dx, dy, offset: [dx * step, dy * step], row: row as usize, at, whole };
-                // A pixel's distance from itself is 0.
-                let found = if tap.is_centre() {
-                    [f32x16::splat(guides.simd, 0.0); CLASSES]
-                } else {
-                    guides.distances(&tap, self.reaches[((dy + self.radius) * across + dx + self.radius) as usize])
-                };
-                for class in 0..CLASSES {
-                    if guides.wanted[class] {
-                        found[class].store_slice(&mut self.by_class[class][self.count]);
-                    }
-                }
-                self.taps[self.count] = tap;
-                self.count += 1;
             }
         }
     }
 
-    /// From distances to [`weight`]s, for all lights of a class at once.
+    /// From distances of a block to [`weight`]s, for all lights of a class at once.
     #[inline(always)]
-    pub(crate) fn weigh<S: Simd>(&mut self, simd: S, wanted: [bool; CLASSES]) {
-        for (class, distances) in self.by_class.iter_mut().enumerate() {
+    pub(crate) fn weigh<S: Simd>(&mut self, simd: S, block: usize, wanted: [bool; CLASSES]) {
+        for class in 0..CLASSES {
+            let start = self.start(block, class) * BLOCK;
             if wanted[class] {
-                for distance in &mut distances[..self.count] {
+                for distance in self.distances[start..][..self.taps.len() * BLOCK].as_chunks_mut::<BLOCK>().0 {
                     weight(f32x16::from_slice(simd, distance)).store_slice(distance);
                 }
             }
@@ -352,12 +355,13 @@ impl Distances {
     /// The taps.
     #[inline(always)]
     pub(crate) fn taps(&self) -> &[Tap] {
-        &self.taps[..self.count]
+        &self.taps
     }
 
-    /// The taps with their distances for a class of light.
+    /// The distances of a block for a class of light, tap by tap.
     #[inline(always)]
-    pub(crate) fn of(&self, class: Class) -> impl Iterator<Item = (&Tap, &[f32; BLOCK])> {
-        self.taps[..self.count].iter().zip(&self.by_class[class as usize])
+    pub(crate) fn of(&self, block: usize, class: Class) -> &[[f32; BLOCK]] {
+        let start = self.start(block, class as usize) * BLOCK;
+        self.distances[start..][..self.taps.len() * BLOCK].as_chunks().0
     }
 }

@@ -17,7 +17,7 @@ pub(crate) struct LitBlocks {
 }
 
 /// Some lights.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Lit(u64);
 
 impl Lit {

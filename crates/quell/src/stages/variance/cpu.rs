@@ -1,8 +1,8 @@
 //! The variance of every light's mean, sixteen pixels of a row at once through all taps.
 
-use crate::kernels::guide_distance_cpu::{Distances, Guides, inside, three_rows, weight};
+use crate::kernels::guide_distance_cpu::{Distances, Guides, RUN, Tap, three_rows, weight};
 use crate::kernels::lanes::{BLOCK, store};
-use crate::kernels::lit_blocks::LitBlocks;
+use crate::kernels::lit_blocks::{Lit, LitBlocks};
 use crate::kernels::math::{LUMINANCE, luminance};
 use crate::par;
 use crate::plane::Plane;
@@ -27,22 +27,36 @@ pub(crate) fn row<S: Simd>(
     let lights = slots.len();
     let radius = s.radius as usize;
     let rows = y.saturating_sub(radius)..(y + radius + 1).min(h);
-    let mut distances = Distances::new(radius);
+    let mut distances = Distances::new(radius, 1, y, h, wavelet);
     // Per light: pooled spread, its degrees of freedom, and the moments of the means with their weight.
     let mut sums = par::scratch(lights * 5 * w);
     let has_given = |l: usize| given.get(l).is_some_and(Option::is_some);
-    for x in (0..w).step_by(BLOCK) {
-        let lit = lit.within(rows.clone(), x as isize - radius as isize..(x + BLOCK + radius) as isize);
-        let takes_part = |l: usize| lit.has(l) || has_given(l);
-        let Some(wanted) = Class::wanted(slots, takes_part) else { continue };
-        if distances.reach_edge(x, w, 1) {
-            let guides = Guides::<_, true>::new(simd, local, wavelet, wanted, [x, y]);
-            distances.find(&guides, h, 1);
-            moments::<true, _>(simd, gathered, takes_part, &distances, x, &mut sums);
-        } else {
-            let guides = Guides::<_, false>::new(simd, local, wavelet, wanted, [x, y]);
-            distances.find(&guides, h, 1);
-            moments::<false, _>(simd, gathered, takes_part, &distances, x, &mut sums);
+    for start in (0..w).step_by(RUN * BLOCK) {
+        let blocks = || (start..w).step_by(BLOCK).take(RUN).enumerate();
+        let mut lit_in = [Lit::default(); RUN];
+        for (block, x) in blocks() {
+            let lit = lit.within(rows.clone(), x as isize - radius as isize..(x + BLOCK + radius) as isize);
+            lit_in[block] = lit;
+            let Some(wanted) = Class::wanted(slots, |l| lit.has(l) || has_given(l)) else { continue };
+            if distances.reach_edge(x, w) {
+                distances.find(block, &Guides::<_, true>::new(simd, local, wavelet, wanted, [x, y]));
+            } else {
+                distances.find(block, &Guides::<_, false>::new(simd, local, wavelet, wanted, [x, y]));
+            }
+        }
+        for (l, slot) in slots.iter().enumerate() {
+            let class = Class::of(slot.kind);
+            for (block, x) in blocks() {
+                if !lit_in[block].has(l) && !has_given(l) {
+                    continue;
+                }
+                let taps = (distances.taps(), distances.of(block, class));
+                if distances.reach_edge(x, w) {
+                    moments::<true, _>(simd, gathered, (l, slot.first), taps, x, &mut sums);
+                } else {
+                    moments::<false, _>(simd, gathered, (l, slot.first), taps, x, &mut sums);
+                }
+            }
         }
     }
     for l in 0..lights {
@@ -89,36 +103,34 @@ fn spread_around(gathered: &Gathered, slot: &LightSlot, x: usize, y: usize) -> f
     (second / total - mean * mean).max(0.0)
 }
 
-/// Sums over the taps of the pixels from `x` on, five a light; of those that do not take part they stay 0.
+/// Sums over the taps of the pixels from `x` on, five for a light; of those that do not take part they stay 0.
 #[inline(always)]
 fn moments<const EDGE: bool, S: Simd>(
     simd: S,
     gathered: &Gathered,
-    takes_part: impl Fn(usize) -> bool,
-    distances: &Distances,
+    (l, plane): (usize, usize),
+    (taps, distances): (&[Tap], &[[f32; BLOCK]]),
     x: usize,
     sums: &mut [f32],
 ) {
     let w = gathered.colours.size().width;
     let zero = f32x16::splat(simd, 0.0);
-    for (l, slot) in gathered.slots.iter().enumerate().filter(|(l, _)| takes_part(*l)) {
-        let (mut pooled, mut freedoms, mut total) = (zero, zero, zero);
-        let (mut first, mut second) = (zero, zero);
-        for (tap, distance) in distances.of(Class::of(slot.kind)) {
-            let weight = inside::<EDGE, _>(tap, w, weight(f32x16::from_slice(simd, distance)));
-            let spread = tap.of::<EDGE, _>(simd, &gathered.moments, 2 * l);
-            let count = tap.of::<EDGE, _>(simd, &gathered.moments, 2 * l + 1);
-            let [r, g, b] = three_rows::<EDGE, _>(simd, &gathered.colours, tap, 3 * slot.first);
-            let freedom = weight * (count - 1.0).max_precise(zero);
-            let mean = r * LUMINANCE[0] + g * LUMINANCE[1] + b * LUMINANCE[2];
-            pooled += freedom * spread;
-            freedoms += freedom;
-            first += weight * mean;
-            second += weight * mean * mean;
-            total += weight;
-        }
-        for (k, sum) in [pooled, freedoms, first, second, total].into_iter().enumerate() {
-            store(sum, &mut sums[(5 * l + k) * w..][..w], x);
-        }
+    let (mut pooled, mut freedoms, mut total) = (zero, zero, zero);
+    let (mut first, mut second) = (zero, zero);
+    for (tap, distance) in taps.iter().zip(distances) {
+        let weight = tap.inside::<EDGE, _>(x, w, weight(f32x16::from_slice(simd, distance)));
+        let spread = tap.of::<EDGE, _>(simd, &gathered.moments, 2 * l, x);
+        let count = tap.of::<EDGE, _>(simd, &gathered.moments, 2 * l + 1, x);
+        let [r, g, b] = three_rows::<EDGE, _>(simd, &gathered.colours, tap, 3 * plane, x);
+        let freedom = weight * (count - 1.0).max_precise(zero);
+        let mean = r * LUMINANCE[0] + g * LUMINANCE[1] + b * LUMINANCE[2];
+        pooled += freedom * spread;
+        freedoms += freedom;
+        first += weight * mean;
+        second += weight * mean * mean;
+        total += weight;
+    }
+    for (k, sum) in [pooled, freedoms, first, second, total].into_iter().enumerate() {
+        store(sum, &mut sums[(5 * l + k) * w..][..w], x);
     }
 }

@@ -2,7 +2,7 @@
 //! distances of a level.
 
 use super::{LEAST_VARIANCE, TENT, tolerance};
-use crate::kernels::guide_distance_cpu::{Distances, Guides, Tap, inside, three_rows, weight};
+use crate::kernels::guide_distance_cpu::{Distances, Guides, RUN, Tap, three_rows, weight};
 use crate::kernels::lanes::{BLOCK, load, store};
 use crate::kernels::lit_blocks::{Lit, LitBlocks};
 use crate::kernels::math::LUMINANCE;
@@ -23,7 +23,7 @@ pub(crate) fn compared_row<S: Simd>(
     out: &mut [f32],
 ) {
     let (w, h) = (local.size.width, local.size.height);
-    let mut distances = Distances::new(1);
+    let mut distances = Distances::new(1, 1, y, h, s);
     // Of each light the luminance of the rows that taps lie in: found once, not at every tap.
     let mut luminances = Rows::new(Size::new(w, 3), slots.len());
     let first = y.saturating_sub(1);
@@ -31,25 +31,36 @@ pub(crate) fn compared_row<S: Simd>(
         luminances_of(simd, slots, colours, row, &mut luminances, row - first);
     }
     let images = Compared { luminances: &luminances, first, variance };
-    for x in (0..w).step_by(BLOCK) {
-        let lit = lit.within(first..(y + 2).min(h), x as isize - 1..(x + BLOCK + 1) as isize);
-        for l in (0..slots.len()).filter(|l| !lit.has(*l)) {
-            for c in [2 * l, 2 * l + 1] {
-                out[c * w..][x..(x + BLOCK).min(w)].fill(0.0);
+    for start in (0..w).step_by(RUN * BLOCK) {
+        let blocks = || (start..w).step_by(BLOCK).take(RUN).enumerate();
+        let mut lit_in = [Lit::default(); RUN];
+        for (block, x) in blocks() {
+            let lit = lit.within(first..(y + 2).min(h), x as isize - 1..(x + BLOCK + 1) as isize);
+            lit_in[block] = lit;
+            let Some(wanted) = Class::wanted(slots, |l| lit.has(l)) else { continue };
+            if distances.reach_edge(x, w) {
+                distances.find(block, &Guides::<_, true>::new(simd, local, s, wanted, [x, y]));
+            } else {
+                distances.find(block, &Guides::<_, false>::new(simd, local, s, wanted, [x, y]));
             }
+            distances.weigh(simd, block, wanted);
         }
-        let Some(wanted) = Class::wanted(slots, |l| lit.has(l)) else { continue };
-        let at = ((x, y), s.step * s.step);
-        if distances.reach_edge(x, w, 1) {
-            let guides = Guides::<_, true>::new(simd, local, s, wanted, [x, y]);
-            distances.find(&guides, h, 1);
-            distances.weigh(simd, wanted);
-            means::<true, _>(simd, (slots, lit), &images, &distances, at, out);
-        } else {
-            let guides = Guides::<_, false>::new(simd, local, s, wanted, [x, y]);
-            distances.find(&guides, h, 1);
-            distances.weigh(simd, wanted);
-            means::<false, _>(simd, (slots, lit), &images, &distances, at, out);
+        for (l, slot) in slots.iter().enumerate() {
+            let class = Class::of(slot.kind);
+            for (block, x) in blocks() {
+                if !lit_in[block].has(l) {
+                    for c in [2 * l, 2 * l + 1] {
+                        out[c * w..][x..(x + BLOCK).min(w)].fill(0.0);
+                    }
+                    continue;
+                }
+                let (weights, at) = (distances.of(block, class), ((x, y), s.step * s.step));
+                if distances.reach_edge(x, w) {
+                    means::<true, _>(simd, l, &images, (distances.taps(), weights), at, out);
+                } else {
+                    means::<false, _>(simd, l, &images, (distances.taps(), weights), at, out);
+                }
+            }
         }
     }
 }
@@ -81,41 +92,39 @@ struct Compared<'a> {
     variance: &'a Rows,
 }
 
-/// The part of [`compared_row`] from `x` on; `distances` are weights.
+/// The part of [`compared_row`] for one light and the pixels from `x` on.
 #[inline(always)]
 fn means<const EDGE: bool, S: Simd>(
     simd: S,
-    (slots, lit): (&[LightSlot], Lit),
+    l: usize,
     Compared { luminances, first, variance }: &Compared<'_>,
-    distances: &Distances,
+    (taps, weights): (&[Tap], &[[f32; BLOCK]]),
     ((x, y), squared): ((usize, usize), f32),
     out: &mut [f32],
 ) {
     let w = variance.size().width;
     let (one, two) = (f32x16::splat(simd, 1.0), f32x16::splat(simd, 2.0));
     let zero = f32x16::splat(simd, 0.0);
-    for (l, slot) in slots.iter().enumerate().filter(|(l, _)| lit.has(*l)) {
-        let (mut mean, mut spread, mut total) = (zero, zero, zero);
-        let own = load::<EDGE, _>(simd, luminances.row(y - first, l), x as isize);
-        let own_variance = load::<EDGE, _>(simd, variance.row(y, l), x as isize);
-        let (values, variances) = (from(luminances, l), from(variance, l));
-        for (tap, weight) in distances.of(Class::of(slot.kind)) {
-            let share = TENT[tap.dx.unsigned_abs()] * TENT[tap.dy.unsigned_abs()];
-            let here = Tap { row: tap.row - first, ..*tap };
-            let value = here.at::<EDGE, _>(simd, (luminances, l), (values, here.start(luminances)));
-            let v = tap.at::<EDGE, _>(simd, (variance, l), (variances, tap.start(variance)));
-            let d = value - own;
-            // As `same_light`.
-            let most = (v + own_variance) * squared + LEAST_VARIANCE;
-            let same = (two - d * d / most).max_precise(zero).min_precise(one);
-            let weight = inside::<EDGE, _>(tap, w, f32x16::from_slice(simd, weight) * same * share);
-            total += weight;
-            mean += weight * value;
-            spread += weight * weight * v;
-        }
-        store(mean / total, &mut out[2 * l * w..][..w], x);
-        store(spread / (total * total), &mut out[(2 * l + 1) * w..][..w], x);
+    let (mut mean, mut spread, mut total) = (zero, zero, zero);
+    let own = load::<EDGE, _>(simd, luminances.row(y - first, l), x as isize);
+    let own_variance = load::<EDGE, _>(simd, variance.row(y, l), x as isize);
+    let (values, variances) = (from(luminances, l), from(variance, l));
+    for (tap, weight) in taps.iter().zip(weights) {
+        let share = TENT[tap.dx.unsigned_abs()] * TENT[tap.dy.unsigned_abs()];
+        let here = tap.from_row(*first);
+        let value = here.at::<EDGE, _>(simd, (luminances, l), (values, here.start(luminances)), x);
+        let v = tap.at::<EDGE, _>(simd, (variance, l), (variances, tap.start(variance)), x);
+        let d = value - own;
+        // As `same_light`.
+        let most = (v + own_variance) * squared + LEAST_VARIANCE;
+        let same = (two - d * d / most).max_precise(zero).min_precise(one);
+        let weight = tap.inside::<EDGE, _>(x, w, f32x16::from_slice(simd, weight) * same * share);
+        total += weight;
+        mean += weight * value;
+        spread += weight * weight * v;
     }
+    store(mean / total, &mut out[2 * l * w..][..w], x);
+    store(spread / (total * total), &mut out[(2 * l + 1) * w..][..w], x);
 }
 
 /// What one level reads.
@@ -155,45 +164,52 @@ impl Level<'_> {
             }
             out_variance[l * w..][..w].copy_from_slice(variance.row(y, l));
         }
-        let mut distances = Distances::new(1);
-        let mut places = vec![Place::default(); distances.most()];
-        let mut weights = vec![[0.0; BLOCK]; distances.most()];
-        let images = (colours, variance);
+        let mut distances = Distances::new(1, step, y, h, s);
+        let places: Vec<Place> = distances
+            .taps()
+            .iter()
+            .map(|tap| Place {
+                share: TENT[tap.dx.unsigned_abs()] * TENT[tap.dy.unsigned_abs()],
+                is_centre: tap.is_centre(),
+                compared: tap.start(self.compared),
+                variance: tap.start(variance),
+                colours: tap.start(colours),
+            })
+            .collect();
+        let mut weights = vec![[0.0; BLOCK]; places.len()];
         let rows = || (-1..=1).filter_map(|dy| y.checked_add_signed(dy * step)).filter(|row| *row < h);
-        for x in (0..w).step_by(BLOCK) {
-            let lit = self.lit.within(rows(), x as isize - step..(x + BLOCK) as isize + step);
-            for &l in active.iter().filter(|&&l| !lit.has(l)) {
-                let slot = &slots[l];
-                let end = (x + BLOCK).min(w);
-                for c in 3 * slot.first..3 * (slot.first + slot.planes) {
-                    out[c * w..][x..end].fill(0.0);
-                }
-                out_variance[l * w..][x..end].fill(0.0);
-            }
-            let Some(wanted) = Class::wanted(slots, |l| lit.has(l) && active.contains(&l)) else { continue };
-            let at_edge = distances.reach_edge(x, w, step);
-            if at_edge {
-                let guides = Guides::<_, true>::new(simd, local, s, wanted, [x, y]);
-                distances.find(&guides, h, step);
-            } else {
-                let guides = Guides::<_, false>::new(simd, local, s, wanted, [x, y]);
-                distances.find(&guides, h, step);
-            }
-            for (place, tap) in places.iter_mut().zip(distances.taps()) {
-                *place = Place {
-                    share: TENT[tap.dx.unsigned_abs()] * TENT[tap.dy.unsigned_abs()],
-                    is_centre: tap.is_centre(),
-                    compared: tap.start(self.compared),
-                    variance: tap.start(variance),
-                    colours: tap.start(colours),
-                };
-            }
-            let block = Block { x, distances: &distances, places: &places };
-            for &l in active.iter().filter(|&&l| lit.has(l)) {
-                if at_edge {
-                    self.light::<true, _>(simd, images, (l, y), block, &mut weights, (out, out_variance));
+        for start in (0..w).step_by(RUN * BLOCK) {
+            let blocks = || (start..w).step_by(BLOCK).take(RUN).enumerate();
+            let mut lit_in = [Lit::default(); RUN];
+            for (block, x) in blocks() {
+                let lit = self.lit.within(rows(), x as isize - step..(x + BLOCK) as isize + step);
+                lit_in[block] = lit;
+                let Some(wanted) = Class::wanted(slots, |l| lit.has(l) && active.contains(&l)) else { continue };
+                if distances.reach_edge(x, w) {
+                    distances.find(block, &Guides::<_, true>::new(simd, local, s, wanted, [x, y]));
                 } else {
-                    self.light::<false, _>(simd, images, (l, y), block, &mut weights, (out, out_variance));
+                    distances.find(block, &Guides::<_, false>::new(simd, local, s, wanted, [x, y]));
+                }
+            }
+            for &l in active {
+                let slot = &slots[l];
+                let class = Class::of(slot.kind);
+                for (block, x) in blocks() {
+                    if !lit_in[block].has(l) {
+                        let end = (x + BLOCK).min(w);
+                        for c in 3 * slot.first..3 * (slot.first + slot.planes) {
+                            out[c * w..][x..end].fill(0.0);
+                        }
+                        out_variance[l * w..][x..end].fill(0.0);
+                        continue;
+                    }
+                    let (images, out) = ((colours, variance), (&mut *out, &mut *out_variance));
+                    let taps = Taps { each: distances.taps(), places: &places, distances: distances.of(block, class) };
+                    if distances.reach_edge(x, w) {
+                        self.light::<true, _>(simd, images, l, [x, y], taps, &mut weights, out);
+                    } else {
+                        self.light::<false, _>(simd, images, l, [x, y], taps, &mut weights, out);
+                    }
                 }
             }
         }
@@ -201,12 +217,14 @@ impl Level<'_> {
 
     /// A light of the pixels of a block.
     #[inline(always)]
+    #[expect(clippy::too_many_arguments)]
     fn light<const EDGE: bool, S: Simd>(
         &self,
         simd: S,
         (colours, variance): (&Rows, &Rows),
-        (l, y): (usize, usize),
-        Block { x, distances, places }: Block<'_>,
+        l: usize,
+        [x, y]: [usize; 2],
+        Taps { each, places, distances }: Taps<'_>,
         weights: &mut [[f32; BLOCK]],
         (out, out_variance): (&mut [f32], &mut [f32]),
     ) {
@@ -224,21 +242,21 @@ impl Level<'_> {
         let several = slot.planes > 1;
         let (mut total, mut sum) = (zero, zero);
         let [mut red, mut green, mut blue] = [zero; 3];
-        for (((tap, distance), place), kept) in distances.of(Class::of(slot.kind)).zip(places).zip(&mut *weights) {
+        for (((tap, distance), place), kept) in each.iter().zip(distances).zip(places).zip(&mut *weights) {
             let weight = if place.is_centre {
                 f32x16::splat(simd, place.share)
             } else {
-                let d = mp - tap.at::<EDGE, _>(simd, (compared, 2 * l), (means, place.compared));
-                let vq = tap.at::<EDGE, _>(simd, (compared, 2 * l + 1), (spreads, place.compared));
+                let d = mp - tap.at::<EDGE, _>(simd, (compared, 2 * l), (means, place.compared), x);
+                let vq = tap.at::<EDGE, _>(simd, (compared, 2 * l + 1), (spreads, place.compared), x);
                 let v = (vp + vq.min_precise(most)) * correlation;
                 let stop = (d * d - v).max_precise(zero) / (squared * v + contrast + LEAST_VARIANCE);
-                inside::<EDGE, _>(tap, w, weight(f32x16::from_slice(simd, distance) + stop) * place.share)
+                tap.inside::<EDGE, _>(x, w, weight(f32x16::from_slice(simd, distance) + stop) * place.share)
             };
             total += weight;
-            sum += weight * weight * tap.at::<EDGE, _>(simd, (variance, l), (variances, place.variance));
-            red += weight * tap.at::<EDGE, _>(simd, (colours, first), (reds, place.colours));
-            green += weight * tap.at::<EDGE, _>(simd, (colours, first + 1), (greens, place.colours));
-            blue += weight * tap.at::<EDGE, _>(simd, (colours, first + 2), (blues, place.colours));
+            sum += weight * weight * tap.at::<EDGE, _>(simd, (variance, l), (variances, place.variance), x);
+            red += weight * tap.at::<EDGE, _>(simd, (colours, first), (reds, place.colours), x);
+            green += weight * tap.at::<EDGE, _>(simd, (colours, first + 1), (greens, place.colours), x);
+            blue += weight * tap.at::<EDGE, _>(simd, (colours, first + 2), (blues, place.colours), x);
             if several {
                 weight.store_slice(kept);
             }
@@ -250,9 +268,9 @@ impl Level<'_> {
         }
         for k in slot.first + 1..slot.first + slot.planes {
             let [mut red, mut green, mut blue] = [zero; 3];
-            for ((tap, _), weight) in distances.of(Class::of(slot.kind)).zip(&*weights) {
+            for (tap, weight) in each.iter().zip(&*weights) {
                 let weight = f32x16::from_slice(simd, weight);
-                let [r, g, b] = three_rows::<EDGE, _>(simd, colours, tap, 3 * k);
+                let [r, g, b] = three_rows::<EDGE, _>(simd, colours, tap, 3 * k, x);
                 red += weight * r;
                 green += weight * g;
                 blue += weight * b;
@@ -264,21 +282,21 @@ impl Level<'_> {
     }
 }
 
-/// What the taps of sixteen pixels are for every light.
+/// The taps of the pixels of a block.
 #[derive(Clone, Copy)]
-struct Block<'a> {
-    x: usize,
-    distances: &'a Distances,
+struct Taps<'a> {
+    each: &'a [Tap],
     places: &'a [Place],
+    distances: &'a [[f32; BLOCK]],
 }
 
 /// What a tap is for every light.
-#[derive(Clone, Copy, Default)]
+#[derive(Clone, Copy)]
 struct Place {
     /// Of the kernel.
     share: f32,
     is_centre: bool,
-    /// See [`Tap::start`](crate::kernels::guide_distance_cpu::Tap::start).
+    /// See [`Tap::start`].
     compared: usize,
     variance: usize,
     colours: usize,
