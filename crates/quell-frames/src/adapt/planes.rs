@@ -83,39 +83,45 @@ fn spread<const N: usize>(
     let places: Vec<_> = rows(canvas, window).collect();
     let Some(first) = places.first().map(|(at, ..)| at / width * width) else { return };
     let lines = plane.data_mut().get_mut(first..).unwrap_or_default().par_chunks_mut(width);
-    lines.zip(&places).with_min_len(ROWS).for_each(|(line, (at, from, count))| {
-        if let Some(into) = line.get_mut(at % width..at % width + count) {
-            for (i, samples) in samples.iter().enumerate() {
-                copy(samples, *from, into, first_component + i);
+    let buffers = || [const { Vec::new() }; N];
+    lines.zip(&places).with_min_len(ROWS).for_each_init(
+        buffers,
+        |floats: &mut [Vec<f32>; N], (line, (at, from, count))| {
+            let Some(into) = line.get_mut(at % width..at % width + count) else { return };
+            for (samples, floats) in samples.iter().zip(floats.iter_mut()) {
+                read(samples, *from, into.len(), floats);
             }
-        }
-    });
+            // All components at once where they are there: each pixel is written once, not a third of it three times.
+            if samples.len() == N {
+                let runs = floats.each_ref().map(|floats| &floats[..into.len()]);
+                for (x, pixel) in into.iter_mut().enumerate() {
+                    *pixel = std::array::from_fn(|component| runs[component][x]);
+                }
+                return;
+            }
+            for (i, floats) in floats.iter().take(samples.len()).enumerate() {
+                for (pixel, value) in into.iter_mut().zip(floats) {
+                    pixel[first_component + i] = *value;
+                }
+            }
+        },
+    );
 }
 
-fn copy<const N: usize>(samples: &Samples, from: usize, into: &mut [[f32; N]], component: usize) {
+/// `count` samples of a channel as floats; 0 for those that are not there.
+fn read(samples: &Samples, from: usize, count: usize, floats: &mut Vec<f32>) {
+    floats.clear();
     match samples {
         Samples::Half(v) => {
             // Slices convert several at a time, single values ask the processor's abilities each.
-            let values = v.get(from..from + into.len()).unwrap_or_default();
-            let mut floats = vec![0.0; values.len()];
-            values.convert_to_f32_slice(&mut floats);
-            for (pixel, value) in into.iter_mut().zip(floats) {
-                pixel[component] = value;
-            }
+            let values = v.get(from..from + count).unwrap_or_default();
+            floats.resize(values.len(), 0.0);
+            values.convert_to_f32_slice(floats);
         }
-        Samples::Float(v) => {
-            let values = v.get(from..).unwrap_or_default();
-            for (pixel, value) in into.iter_mut().zip(values) {
-                pixel[component] = *value;
-            }
-        }
-        Samples::Uint(v) => {
-            let values = v.get(from..).unwrap_or_default();
-            for (pixel, value) in into.iter_mut().zip(values) {
-                pixel[component] = *value as f32;
-            }
-        }
+        Samples::Float(v) => floats.extend(v.iter().skip(from).take(count)),
+        Samples::Uint(v) => floats.extend(v.iter().skip(from).take(count).map(|value| *value as f32)),
     }
+    floats.resize(count, 0.0);
 }
 
 /// One number a pixel.

@@ -325,11 +325,8 @@ impl Distances {
         for i in 0..self.taps.len() {
             let tap = self.taps[i];
             // A pixel's distance from itself is 0.
-            let found = if tap.is_centre() {
-                [f32x16::splat(guides.simd, 0.0); CLASSES]
-            } else {
-                guides.distances(&tap)
-            };
+            let found =
+                if tap.is_centre() { [f32x16::splat(guides.simd, 0.0); CLASSES] } else { guides.distances(&tap) };
             for class in 0..CLASSES {
                 if guides.wanted[class] {
                     let at = (self.start(block, class) + i) * BLOCK;
