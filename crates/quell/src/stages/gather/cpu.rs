@@ -88,28 +88,28 @@ impl<'a> Job<'a> {
         }
         let new = || Block {
             ways: Vec::with_capacity(GROUPS),
-            sums: vec![Sums::default(); BLOCK * self.lanes.len()],
+            sums: vec![Sums::default(); BLOCK.min(w.next_multiple_of(LANES)) * self.lanes.len()],
             met: [Met::default(); GROUPS],
             own: [Eight::default(); GROUPS],
         };
-        let (mut surface, mut reflected) = (new(), new());
+        let (mut surface, mut reflected) = (new(), None::<Block<S>>);
         for first in (0..w).step_by(BLOCK) {
             let p = y * w + first;
             let count = BLOCK.min(w - first);
+            let whole = count.next_multiple_of(LANES);
             let mut inside = [false; BLOCK];
             inside[..count].fill(true);
             let mut mirrors = inside;
             mirrors.iter_mut().enumerate().for_each(|(i, m)| *m = *m && here.features.is_mirror(p + i));
-            for (block, wanted, own_motion) in [(&mut surface, &inside, false), (&mut reflected, &mirrors, true)] {
-                if wanted.contains(&true) {
-                    block.walk(simd, self, p, wanted, own_motion);
-                }
+            surface.walk(simd, self, p, &inside[..whole], false);
+            if mirrors.contains(&true) {
+                reflected.get_or_insert_with(new).walk(simd, self, p, &mirrors[..whole], true);
             }
             for i in 0..count {
                 for (k, lanes) in self.lanes.iter().enumerate() {
                     let place = i * self.lanes.len() + k;
                     let mut mean = surface.sums[place].mean(simd);
-                    if mirrors[i] && lanes.reflects {
+                    if let (true, Some(reflected)) = (mirrors[i] && lanes.reflects, &reflected) {
                         let other = reflected.sums[place].mean(simd);
                         for (i, _) in lanes.each.iter().enumerate().filter(|(_, lane)| lane.reflects()) {
                             mean.take(&other, i);
@@ -139,9 +139,9 @@ struct Block<S: Simd> {
 }
 
 impl<S: Simd> Block<S> {
-    /// Sums up what the pixels from `first` on meet in all frames.
+    /// Sums up what the pixels from `first` on meet in all frames, those of whole groups that are `wanted`.
     #[inline(always)]
-    fn walk(&mut self, simd: S, job: &Job<'_>, first: usize, wanted: &[bool; BLOCK], reflected: bool) {
+    fn walk(&mut self, simd: S, job: &Job<'_>, first: usize, wanted: &[bool], reflected: bool) {
         let seen = job.seen(job.centre);
         for (g, wanted) in wanted.as_chunks::<LANES>().0.iter().enumerate() {
             if !wanted.contains(&true) {
@@ -172,14 +172,7 @@ impl<S: Simd> Block<S> {
 
     /// The frames before, or those after, nearest first.
     #[inline(always)]
-    fn follow(
-        &mut self,
-        simd: S,
-        job: &Job<'_>,
-        first: usize,
-        wanted: &[bool; BLOCK],
-        (forward, reflected): (bool, bool),
-    ) {
+    fn follow(&mut self, simd: S, job: &Job<'_>, first: usize, wanted: &[bool], (forward, reflected): (bool, bool)) {
         let (window, centre) = (job.window, job.centre);
         let here = &window[centre].features;
         let steps = if forward { window.len() - 1 - centre } else { centre }.min(job.gather.frames as usize);
@@ -203,7 +196,7 @@ impl<S: Simd> Block<S> {
             if !met_any {
                 break;
             }
-            for (g, met) in self.met.iter().enumerate() {
+            for (g, met) in self.met[..self.ways.len()].iter().enumerate() {
                 if met.weights == [0.0; LANES] {
                     continue;
                 }
