@@ -41,9 +41,9 @@ impl Tap {
         self.dx == 0 && self.dy == 0
     }
 
-    /// The same tap in an image that begins at row `first`.
+    /// The same tap in an image whose rows count from `first` on.
     #[inline(always)]
-    pub(crate) fn from_row(self, first: usize) -> Self {
+    pub(crate) fn counted_from(self, first: usize) -> Self {
         Self { row: self.row - first, ..self }
     }
 

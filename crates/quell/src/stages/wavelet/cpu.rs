@@ -111,7 +111,7 @@ fn means<const EDGE: bool, S: Simd>(
     let (values, variances) = (from(luminances, l), from(variance, l));
     for (tap, weight) in taps.iter().zip(weights) {
         let share = TENT[tap.dx.unsigned_abs()] * TENT[tap.dy.unsigned_abs()];
-        let here = tap.from_row(*first);
+        let here = tap.counted_from(*first);
         let value = here.at::<EDGE, _>(simd, (luminances, l), (values, here.start(luminances)), x);
         let v = tap.at::<EDGE, _>(simd, (variance, l), (variances, tap.start(variance)), x);
         let d = value - own;
@@ -206,9 +206,9 @@ impl Level<'_> {
                     let (images, out) = ((colours, variance), (&mut *out, &mut *out_variance));
                     let taps = Taps { each: distances.taps(), places: &places, distances: distances.of(block, class) };
                     if distances.reach_edge(x, w) {
-                        self.light::<true, _>(simd, images, l, [x, y], taps, &mut weights, out);
+                        self.light::<true, _>(simd, images, (l, [x, y]), taps, &mut weights, out);
                     } else {
-                        self.light::<false, _>(simd, images, l, [x, y], taps, &mut weights, out);
+                        self.light::<false, _>(simd, images, (l, [x, y]), taps, &mut weights, out);
                     }
                 }
             }
@@ -217,13 +217,11 @@ impl Level<'_> {
 
     /// A light of the pixels of a block.
     #[inline(always)]
-    #[expect(clippy::too_many_arguments)]
     fn light<const EDGE: bool, S: Simd>(
         &self,
         simd: S,
         (colours, variance): (&Rows, &Rows),
-        l: usize,
-        [x, y]: [usize; 2],
+        (l, [x, y]): (usize, [usize; 2]),
         Taps { each, places, distances }: Taps<'_>,
         weights: &mut [[f32; BLOCK]],
         (out, out_variance): (&mut [f32], &mut [f32]),
