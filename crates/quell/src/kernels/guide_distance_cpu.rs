@@ -279,8 +279,9 @@ impl Place {
 
 /// Blocks of pixels whose distances are found before the first light is filtered: their channels are read light by light, each in runs of
 /// a page of memory, which is as far as a processor fetches ahead. Block by block, all lights' channels of three rows are a hundred
-/// streams at once, more than it follows: at 1920x1080 the wavelet took twice as long so (docs/performance.md).
-pub(crate) const RUN: usize = 64;
+/// streams at once, more than it follows: at 1920x1080 the wavelet took 1.5 times as long so (docs/performance.md). One in tests, so that small
+/// pictures have several.
+pub(crate) const RUN: usize = if cfg!(test) { 1 } else { 64 };
 
 /// Guide distances of all taps of a kernel from the pixels of a [`RUN`] of blocks.
 pub(crate) struct Distances {

@@ -124,7 +124,8 @@ impl<'a> Job<'a> {
 
 /// Pixels of a row that go through the frames of the window together: what they read of a frame is a few runs of memory, long enough
 /// that a processor fetches ahead. With 64 pixels `gather` took a fifth more time at 1280x720, with 128 3 % (docs/performance.md).
-const BLOCK: usize = 256;
+/// Few in tests, so that small pictures have several runs.
+const BLOCK: usize = if cfg!(test) { 16 } else { 256 };
 const GROUPS: usize = BLOCK / LANES;
 
 /// What is known of the pixels of a block on their way through the frames.
