@@ -47,6 +47,8 @@ pub(crate) enum Domain {
     Veil = 64,
     /// This and the following, one for each surface that covers a part of its points only.
     BehindVeil = 128,
+    /// Where in the pixel a sample of a reference lies.
+    Pixel = 192,
 }
 
 /// What a segment's end adds when it meets a source.

@@ -85,8 +85,7 @@ struct EyeRay {
     cone: Cone,
 }
 
-fn eye_ray(pixel: vec2u) -> EyeRay {
-    let at = vec2f(pixel) + 0.5 + frame.jitter;
+fn eye_ray(at: vec2f) -> EyeRay {
     var ray = EyeRay(eye_origin(at), eye_direction(at), Cone(0.0, 0.0, true));
     if PAINTED {
         for (var axis = 0u; axis < 2u; axis++) {
@@ -172,7 +171,14 @@ fn primary(@builtin(global_invocation_id) id: vec3u) {
     for (var slot = 0u; slot < SLOTS; slot++) {
         slots[slot * frame.pixels + i].flags = 0u;
     }
-    let eye = eye_ray(pixel.at);
+    // Of a reference whose frames are jittered every sample has a place of its own.
+    let in_area = has_flag(job.flags, IN_AREA);
+    var place = vec2f(0.5) + frame.jitter;
+    if in_area {
+        var sampler = sampler_fork(sampler_new(pixel.at, job.sample, job.seed), PIXEL_DOMAIN);
+        place = next_2d(&sampler);
+    }
+    let eye = eye_ray(vec2f(pixel.at) + place);
     var origin = eye.origin;
     var direction = eye.direction;
     var cone = eye.cone;
@@ -289,8 +295,12 @@ fn primary(@builtin(global_invocation_id) id: vec3u) {
         origin = ray_origin(point, next.wi);
         direction = next.wi;
     }
-    set_plane1(CLOSEST_RAYS, i, bitcast<f32>(rays.closest));
-    set_plane1(SHADOW_RAYS, i, bitcast<f32>(0u));
+    if in_area {
+        count_rays(i, rays);
+    } else {
+        set_plane1(CLOSEST_RAYS, i, bitcast<f32>(rays.closest));
+        set_plane1(SHADOW_RAYS, i, bitcast<f32>(0u));
+    }
 }
 
 fn set_motion(i: u32, motion: vec2f) {

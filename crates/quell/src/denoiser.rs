@@ -114,9 +114,10 @@ pub struct Denoiser {
 /// A denoised frame; it borrows from the denoiser.
 #[derive(Clone, Copy, Debug)]
 pub struct Output<'a> {
-    /// direct + matte_weight matte + glossy_weight glossy, scene-linear.
+    /// direct + matte_weight matte + glossy_weight glossy, scene-linear; with `antialiasing` and jitter anti-aliased, so no longer
+    /// exactly that sum.
     pub composite: &'a Plane<Rgb>,
-    /// Direct light as composited: anti-aliased where the frame has jitter.
+    /// Direct light as composited: anti-aliased where the frame has jitter and stage 11 runs.
     pub direct: &'a Plane<Rgb>,
     /// The filtered matte signal, without its weight.
     pub matte: Option<&'a Plane<Rgb>>,
@@ -291,7 +292,7 @@ impl Denoiser {
             times,
         };
         Ok(Output {
-            composite: first(plane(Image::Composite)).ok_or_else(|| missing.clone())?,
+            composite: first(plane(plan.picture_output)).ok_or_else(|| missing.clone())?,
             direct: first(plane(plan.direct_output)).ok_or(missing)?,
             matte: first(matte),
             glossy: first(glossy),

@@ -4,7 +4,8 @@
 //! |---|---|
 //! | matte history, its length, its fast history | a cut; `Denoiser::reset`; the signal, its passes (by name and order) or the stage's switch come or go |
 //! | glossy history, its length, its fast history | the same of the glossy signal |
-//! | direct history | a cut; `Denoiser::reset`; a frame without jitter |
+//! | direct history | a cut; `Denoiser::reset`; a frame without jitter, or whose whole picture is anti-aliased |
+//! | picture history and its length | a cut; `Denoiser::reset`; a frame without jitter; the switch of `antialiasing` |
 //! | guides of the frame before | a cut; `Denoiser::reset` |
 //! | everything | `Denoiser::resize` |
 //! | single pixels | no surface match, unknown motion, off screen; `confidence_in` = 0 |
@@ -25,6 +26,8 @@ pub struct Validity {
     pub glossy: bool,
     /// The direct history can be used.
     pub direct: bool,
+    /// The history of the picture can be used.
+    pub picture: bool,
 }
 
 /// What the frame before looked like, and what it left behind.
@@ -52,6 +55,7 @@ impl Ledger {
             matte: self.left.matte && same(Signal::Matte),
             glossy: self.left.glossy && same(Signal::Glossy),
             direct: self.left.direct,
+            picture: self.left.picture,
         }
     }
 
@@ -67,6 +71,7 @@ impl Ledger {
             matte: plan.matte_feedback.is_some(),
             glossy: plan.glossy_feedback.is_some(),
             direct: plan.runs(Stage::DirectTaa),
+            picture: plan.runs(Stage::Antialiasing),
         };
     }
 

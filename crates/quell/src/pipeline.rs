@@ -6,8 +6,8 @@ use crate::reach::{Reach, listing};
 use crate::settings::{Feedback, FireflyInput, Settings};
 use crate::stages::glossy_bilateral::Axis;
 use crate::stages::{
-    composite, direct_taa, disocclusion, firefly, glossy_bilateral, glossy_temporal, matte_bilateral, matte_prefilter,
-    matte_temporal, young_filter,
+    antialiasing, composite, direct_taa, disocclusion, firefly, glossy_bilateral, glossy_temporal, matte_bilateral,
+    matte_prefilter, matte_temporal, young_filter,
 };
 
 /// One stage of the pipeline.
@@ -45,11 +45,13 @@ pub enum Stage {
     DirectTaa,
     /// The sum.
     Composite,
+    /// Temporal anti-aliasing of the sum; no stage of the paper.
+    Antialiasing,
 }
 
 impl Stage {
     /// All stages in the order of the paper.
-    pub const ALL: [Self; 16] = [
+    pub const ALL: [Self; 17] = [
         Self::MatteTemporal,
         Self::MatteYoung1,
         Self::MatteYoung3,
@@ -66,6 +68,7 @@ impl Stage {
         Self::GlossyVertical,
         Self::DirectTaa,
         Self::Composite,
+        Self::Antialiasing,
     ];
 
     /// The folder's name (the two glossy passes share one, as do the levels of `young_filter`).
@@ -87,6 +90,7 @@ impl Stage {
             Self::GlossyVertical => "glossy_bilateral_v",
             Self::DirectTaa => "direct_taa",
             Self::Composite => "composite",
+            Self::Antialiasing => "antialiasing",
         }
     }
 
@@ -109,6 +113,7 @@ impl Stage {
             Self::GlossyVertical => "10 Glossy V. Bilateral",
             Self::DirectTaa => "11 TAA of direct light",
             Self::Composite => "Composite",
+            Self::Antialiasing => "TAA of the picture",
         }
     }
 
@@ -128,6 +133,7 @@ impl Stage {
             Self::GlossyVertical => glossy_bilateral::reach(&s.glossy_bilateral, Axis::Vertical, rows),
             Self::DirectTaa => direct_taa::reach(),
             Self::Composite => composite::reach(),
+            Self::Antialiasing => antialiasing::reach(),
         }
     }
 
@@ -149,7 +155,8 @@ impl Stage {
             | Self::GlossyYoung3
             | Self::GlossyYoung9
             | Self::DirectTaa
-            | Self::Composite => None,
+            | Self::Composite
+            | Self::Antialiasing => None,
         }
     }
 
@@ -199,6 +206,8 @@ pub enum Image {
     DirectHistory,
     DirectAntialiased,
     Composite,
+    PictureHistory,
+    Antialiased,
 }
 
 impl Image {
@@ -233,6 +242,8 @@ impl Image {
             Self::DirectHistory => "direct history",
             Self::DirectAntialiased => "direct anti-aliased",
             Self::Composite => "composite",
+            Self::PictureHistory => "picture history",
+            Self::Antialiased => "picture anti-aliased",
         }
     }
 }
@@ -308,6 +319,8 @@ pub struct Plan {
     pub glossy_feedback: Option<Image>,
     /// The direct light that is shown, and remembered where it is anti-aliased.
     pub direct_output: Image,
+    /// The picture that is shown, and remembered where it is anti-aliased.
+    pub picture_output: Image,
     /// Stage 8 looks at the hit distances of the frame before.
     pub compares_hits: bool,
 }
@@ -444,7 +457,9 @@ impl Plan {
             if inputs.matte { matte_steps(&mut steps, settings) } else { (Image::MatteInput, None) };
         let (glossy_output, glossy_feedback) =
             if inputs.glossy { glossy_steps(&mut steps, settings) } else { (Image::GlossyInput, None) };
-        let direct_output = if inputs.jitter && settings.direct_taa.enabled {
+        // The picture as a whole or its direct light alone.
+        let antialiases = inputs.jitter && settings.antialiasing.enabled;
+        let direct_output = if inputs.jitter && settings.direct_taa.enabled && !antialiases {
             let reads = [Image::DirectHistory, Image::Guides];
             steps.add(Stage::DirectTaa, Image::DirectInput, Image::DirectAntialiased, &reads, &[])
         } else {
@@ -453,10 +468,23 @@ impl Plan {
         let mut also_reads = vec![Image::Weights];
         also_reads.extend(inputs.matte.then_some(matte_output));
         also_reads.extend(inputs.glossy.then_some(glossy_output));
-        steps.add(Stage::Composite, direct_output, Image::Composite, &also_reads, &[]);
+        let mut picture_output = steps.add(Stage::Composite, direct_output, Image::Composite, &also_reads, &[]);
+        if antialiases {
+            let reads = [Image::PictureHistory, Image::Guides];
+            picture_output = steps.add(Stage::Antialiasing, picture_output, Image::Antialiased, &reads, &[]);
+        }
         let compares_hits = glossy_feedback.is_some() && settings.glossy_temporal.compares_hits();
         let steps = steps.0;
-        Self { steps, matte_output, matte_feedback, glossy_output, glossy_feedback, direct_output, compares_hits }
+        Self {
+            steps,
+            matte_output,
+            matte_feedback,
+            glossy_output,
+            glossy_feedback,
+            direct_output,
+            picture_output,
+            compares_hits,
+        }
     }
 
     /// True where a stage will run.
@@ -493,8 +521,13 @@ impl Plan {
             });
             lines.push(listing(stage.paper_stage(), step));
         }
-        lines.push(format!("shown: {}", list(&[self.matte_output, self.glossy_output, self.direct_output])));
-        let remembered: Vec<Image> = self.matte_feedback.into_iter().chain(self.glossy_feedback).collect();
+        let shown = [self.matte_output, self.glossy_output, self.direct_output, self.picture_output];
+        lines.push(format!("shown: {}", list(&shown)));
+        let antialiased = [self.direct_output, self.picture_output];
+        let antialiased =
+            antialiased.into_iter().filter(|i| matches!(i, Image::DirectAntialiased | Image::Antialiased));
+        let remembered: Vec<Image> =
+            self.matte_feedback.into_iter().chain(self.glossy_feedback).chain(antialiased).collect();
         let remembered = if remembered.is_empty() { "nothing".to_owned() } else { list(&remembered) };
         lines.push(format!("remembered: {remembered}"));
         lines.join("\n")
@@ -517,6 +550,7 @@ mod tests {
             Image::MatteHistory,
             Image::GlossyHistory,
             Image::DirectHistory,
+            Image::PictureHistory,
         ];
         let feedbacks = ["temporal", "prefilter", "blend", "firefly", "bilateral"];
         let switches = [
@@ -528,6 +562,7 @@ mod tests {
             "glossy_temporal.enabled",
             "glossy_bilateral.enabled",
             "direct_taa.enabled",
+            "antialiasing.enabled",
         ];
         for feedback in feedbacks {
             for mask in 0..1u32 << switches.len() {
@@ -545,7 +580,7 @@ mod tests {
                     known.push(step.output);
                     known.extend(&step.also_writes);
                 }
-                for image in [plan.matte_output, plan.glossy_output, plan.direct_output] {
+                for image in [plan.matte_output, plan.glossy_output, plan.direct_output, plan.picture_output] {
                     assert!(known.contains(&image));
                 }
                 for image in plan.matte_feedback.into_iter().chain(plan.glossy_feedback) {

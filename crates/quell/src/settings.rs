@@ -391,6 +391,21 @@ parameters! {
         clamp_falloff: f32 = 1.0, 0.0..=100.0, "per relative change", "Fall of history's share with the amount that the clamp changed.",
             higher "Less ghosting.", lower "Smoother edges.", source "[E] falls with the amount clamped; [O] how fast";
     }
+    /// Temporal anti-aliasing of the picture, indirect light included.
+    antialiasing: Antialiasing {
+        enabled: bool = false, (), "", "Switch of the stage. It acts only on frames with jitter, and takes the place of stage 11.",
+            higher "The whole picture is anti-aliased.", lower "Its direct light alone (stage 11), as in the paper.",
+            source "temporal anti-aliasing: Karis, SIGGRAPH 2014 (course); of the picture after denoising: SVGF";
+        least: f32 = 0.08, 0.01..=1.0, "share of the new frame", "Least that the new frame counts, where nothing moves.",
+            higher "Quicker, more shimmer.", lower "Smoother.", source "[O], fitted: `docs/quality.md`";
+        resampling: f32 = 0.6, 0.0..=1.0, "share of the new frame", "What is added to `least` where history is fetched half way between pixels on both axes.",
+            higher "Sharper in motion.", lower "Smoother and more blurred in motion: every fetch between pixels blurs.", source "ours";
+        gamma: f32 = 1.5, 0.0..=16.0, "standard deviations", "History is held to the mean of 3x3 pixels plus and minus so many.",
+            higher "Thin things keep more history; more ghosting.", lower "Less ghosting, more shimmer.",
+            source "variance clipping: Salvi, GDC 2016 (talk)";
+        change_falloff: f32 = 40.0, 0.0..=1000.0, "per relative change", "Frames of history are divided by 1 plus this times the share of its luminance that the clamp changed.",
+            higher "Light that moves lags less.", lower "Smoother.", source "ours";
+    }
 }
 
 impl GlossyTemporal {
@@ -438,6 +453,7 @@ impl Settings {
             // What is young is filtered already; mature light stays sharp.
             matte_prefilter: MattePrefilter { enabled: false, ..MattePrefilter::default() },
             disocclusion: Disocclusion { enabled: false, ..Disocclusion::default() },
+            antialiasing: Antialiasing { enabled: true, ..Antialiasing::default() },
             ..Self::default()
         }
     }
@@ -459,6 +475,7 @@ impl Settings {
         self.matte_temporal.enabled = false;
         self.glossy_temporal.enabled = false;
         self.direct_taa.enabled = false;
+        self.antialiasing.enabled = false;
         self
     }
 

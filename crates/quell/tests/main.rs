@@ -3,6 +3,8 @@
 mod suite {
     #[cfg(all(feature = "cpu", feature = "threads"))]
     mod agreement;
+    #[cfg(feature = "cpu")]
+    mod antialiasing;
     mod contract;
     #[cfg(feature = "cpu")]
     mod convergence;

@@ -192,4 +192,14 @@ export interface Settings {
   "direct_taa.motion_falloff"?: number;
   /** Fall of history's share with the amount that the clamp changed. From 0 to 100, per relative change. Preset paper: 1. */
   "direct_taa.clamp_falloff"?: number;
+  /** Switch of the stage. It acts only on frames with jitter, and takes the place of stage 11. Preset paper: false. */
+  "antialiasing.enabled"?: boolean;
+  /** Least that the new frame counts, where nothing moves. From 0.01 to 1, share of the new frame. Preset paper: 0.08. */
+  "antialiasing.least"?: number;
+  /** What is added to `least` where history is fetched half way between pixels on both axes. From 0 to 1, share of the new frame. Preset paper: 0.6. */
+  "antialiasing.resampling"?: number;
+  /** History is held to the mean of 3x3 pixels plus and minus so many. From 0 to 16, standard deviations. Preset paper: 1.5. */
+  "antialiasing.gamma"?: number;
+  /** Frames of history are divided by 1 plus this times the share of its luminance that the clamp changed. From 0 to 1000, per relative change. Preset paper: 40. */
+  "antialiasing.change_falloff"?: number;
 }

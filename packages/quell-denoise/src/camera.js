@@ -157,5 +157,6 @@ export function frameStruct(now, before, extent) {
     direct_history: history,
     has_glossy_hit: now.hasGlossyHit ? 1 : 0,
     has_roughness: now.hasRoughness ? 1 : 0,
+    picture_history: history,
   };
 }

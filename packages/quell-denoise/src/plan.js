@@ -87,7 +87,9 @@ export function planned(settings, signals, jitter) {
   const nothing = (signal) => ({ shown: `${signal} input`, fed: null });
   const matte = has("matte") ? matteSteps(steps, settings) : nothing("matte");
   const glossy = has("glossy") ? glossySteps(steps, settings) : nothing("glossy");
-  const direct = jitter && settings["direct_taa.enabled"] ? steps.add("direct_taa", "direct input", "direct history") : "direct input";
+  // The picture as a whole or its direct light alone.
+  const antialiases = jitter && settings["antialiasing.enabled"];
+  const direct = jitter && settings["direct_taa.enabled"] && !antialiases ? steps.add("direct_taa", "direct input", "direct history") : "direct input";
 
   /** What is remembered lies in the history, whichever stage writes it. */
   const name = (image) => {
@@ -157,12 +159,20 @@ export function planned(settings, signals, jitter) {
       now("composite"),
     ],
   });
+  const picture = antialiases ? "picture anti-aliased" : "composite";
+  if (antialiases) {
+    const history = "picture history";
+    dispatches.push({
+      pass: "antialiasing",
+      bound: [now(GUIDES[0]), now(GUIDES[2]), now("composite"), earlier(history), now(history), now(picture)],
+    });
+  }
   const [temporal] = ["matte", "glossy"].filter((signal) => find(`${signal}_temporal`));
   const shown = (signal) => (has(signal) ? name({ matte, glossy }[signal].shown) : null);
   return {
     dispatches,
     outputs: {
-      composite: "composite",
+      composite: picture,
       direct,
       matte: shown("matte"),
       glossy: shown("glossy"),

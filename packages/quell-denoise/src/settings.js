@@ -162,6 +162,12 @@ export function settingsStruct(settings, rows) {
       falloff_px: scaled(s["direct_taa.motion_falloff"]),
       clamp_falloff: s["direct_taa.clamp_falloff"],
     },
+    antialiasing: {
+      least: s["antialiasing.least"],
+      resampling: s["antialiasing.resampling"],
+      gamma: s["antialiasing.gamma"],
+      change_falloff: s["antialiasing.change_falloff"],
+    },
   };
 }
 

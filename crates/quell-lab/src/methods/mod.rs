@@ -10,6 +10,7 @@
 //! svgf/        Schied et al. 2017
 //! bmfr.rs      blockwise regression on features: Koskela et al. 2019
 //! oidn/        Open Image Denoise, loaded at run time
+//! taa.rs       any of them before quell's temporal anti-aliasing
 //! surface.rs   what the temporal ones share: which pixels of the frame before show the same surface
 //! wavelet.rs   the pattern of the a-trous wavelet
 //! nlm.rs       non-local means, with features or of colour alone: Rousselle et al. 2013, 2012
@@ -33,6 +34,7 @@ pub mod quell;
 pub mod sequence;
 mod surface;
 pub mod svgf;
+pub mod taa;
 pub mod temporal;
 mod wavelet;
 pub mod wlr;
@@ -142,6 +144,9 @@ pub struct FinishedPicture {
 /// # Errors
 /// [`Error::UnknownMethod`] with the nearest names.
 pub fn parse(name: &str) -> Result<Box<dyn Method>, Error> {
+    if let Some(behind) = name.strip_suffix(taa::SUFFIX) {
+        return antialiased(name, parse(behind)?);
+    }
     if name == "none" {
         return Ok(Box::new(none::None));
     }
@@ -173,11 +178,22 @@ pub fn parse(name: &str) -> Result<Box<dyn Method>, Error> {
     })
 }
 
+fn antialiased(name: &str, method: Box<dyn Method>) -> Result<Box<dyn Method>, Error> {
+    let nearest = vec![method.name()];
+    match taa::Taa::behind(method) {
+        Some(method) => Ok(Box::new(method)),
+        None => Err(Error::UnknownMethod { name: name.to_owned(), nearest }),
+    }
+}
+
 /// Finds a method by its name; quell's own filters run on this back end.
 ///
 /// # Errors
 /// As [`parse`].
 pub fn parse_on(name: &str, backend: &Backend) -> Result<Box<dyn Method>, Error> {
+    if let Some(behind) = name.strip_suffix(taa::SUFFIX) {
+        return antialiased(name, parse_on(behind, backend)?);
+    }
     match name.strip_prefix("quell:") {
         Some(variant) => Ok(match sequence::Sequence::parse(variant)? {
             Some(method) => Box::new(method.on(backend)),

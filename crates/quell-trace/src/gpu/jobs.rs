@@ -119,6 +119,10 @@ pub(super) fn reference_steps(
     let direct_samples = options.direct_samples.min(REFERENCE_DIRECT_SAMPLES);
     let mut steps = vec![(Kernel::Primary, Job::default())];
     for (count, sample) in (1..).zip(samples) {
+        if options.jitter {
+            let job = Job { flags: layout::IN_AREA, sample, seed: halves_of(seed), ..Job::default() };
+            steps.push((Kernel::Primary, job));
+        }
         let done = match kind {
             ReferenceKind::FullIntegral => {
                 let (kernel, job) = signal(layout::EYE_PATH, sample, 1, [seed; 2], false);

@@ -235,6 +235,8 @@ pub(super) const EYE_PATH: u32 = 4;
 pub(super) const IS_SIGNAL: u32 = 1;
 pub(super) const IN_HALVES: u32 = 2;
 pub(super) const IS_FIRST: u32 = 4;
+/// The eye's ray goes through any place of the pixel, by the job's sample and seed; rays of samples before it were counted.
+pub(super) const IN_AREA: u32 = 8;
 
 /// Bytes of a slot.
 pub(super) const SLOT_BYTES: u64 = 64;

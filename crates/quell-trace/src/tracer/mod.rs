@@ -50,7 +50,8 @@ pub fn scene_hash(scene: &Scene, options: &RenderOptions) -> String {
     hash.number(u64::from(options.bounces));
     hash.number(options.seed);
     hash.number(u64::from(options.estimator == Estimator::Paper));
-    hash.number(u64::from(options.jitter));
+    // 1 were references from the place of their frame's samples alone.
+    hash.number(2 * u64::from(options.jitter));
     hash.number(u64::from(options.direct_samples));
     hash.number(u64::from(options.indirect_clamp.to_bits()));
     hash.number(u64::from(options.model.fresnel_strength.to_bits()));

@@ -7,7 +7,7 @@ use super::{Control, RenderOptions, TraceError, Tracer};
 use crate::integrator::{Domain, Integrator, RayCounts};
 use crate::primary::{Guides, Views};
 use crate::sampler::Sampler;
-use glam::Vec3;
+use glam::{Vec2, Vec3};
 use quell::{Plane, Rgb, Size};
 use std::ops::Range;
 
@@ -109,7 +109,8 @@ impl Reference {
 
 impl Tracer<'_> {
     /// Traces samples `samples` (a range, so that a reference can be continued) of one half of a reference, from the
-    /// same positions as [`Tracer::render`]. `options.samples` and `options.indirect_clamp` are ignored.
+    /// same positions as [`Tracer::render`]; with `options.jitter` from all over each pixel, so that the picture is the mean over its area, which
+    /// anti-aliasing over time tends to. `options.samples` and `options.indirect_clamp` are ignored.
     ///
     /// # Errors
     /// A size or camera that cannot be used; [`TraceError::Cancelled`].
@@ -153,6 +154,15 @@ impl Tracer<'_> {
         Ok(reference)
     }
 
+    /// Where a sample lies in the picture: anywhere in the pixel where samples are jittered, else where all frames' samples lie.
+    fn reference_position(views: &Views, options: &RenderOptions, (x, y): (usize, usize), sampler: &Sampler) -> Vec2 {
+        if options.jitter {
+            Vec2::new(x as f32, y as f32) + sampler.fork(Domain::Pixel as u32).next_2d()
+        } else {
+            Self::sample_position(views, x, y)
+        }
+    }
+
     #[expect(clippy::too_many_arguments, reason = "called from one place")]
     fn reference_pixel(
         &self,
@@ -171,19 +181,24 @@ impl Tracer<'_> {
         let mut parts = [Moments64::default(); 3];
         match kind {
             ReferenceKind::FullIntegral => {
-                let position = Self::sample_position(views, x, y);
-                let (origin, direction, cone) = integrator.eye_ray(views, position);
                 for sample in samples {
-                    let mut sampler = Sampler::new(pixel, self.frame, sample, seed).fork(Domain::Full as u32);
+                    let sampler = Sampler::new(pixel, self.frame, sample, seed);
+                    let position = Self::reference_position(views, options, (x, y), &sampler);
+                    let (origin, direction, cone) = integrator.eye_ray(views, position);
+                    let mut sampler = sampler.fork(Domain::Full as u32);
                     beauty.push(integrator.full(origin, direction, cone, &mut sampler, rays));
                 }
             }
             ReferenceKind::Factored => {
-                let primary = integrator.primary(views, Self::sample_position(views, x, y), rays);
+                let mut primary = integrator.primary(views, Self::sample_position(views, x, y), rays);
                 // One pass of the direct term serves several paths: it has less noise.
                 let direct_samples = options.direct_samples.min(REFERENCE_DIRECT_SAMPLES);
                 for sample in samples {
                     let sampler = Sampler::new(pixel, self.frame, sample, seed);
+                    if options.jitter {
+                        let position = Self::reference_position(views, options, (x, y), &sampler);
+                        primary = integrator.primary(views, position, rays);
+                    }
                     let direct = self.unfiltered(integrator, &primary, direct_samples, sample, &sampler, rays);
                     let (m, g) = match &primary.surface {
                         None => (Vec3::ZERO, Vec3::ZERO),

@@ -173,6 +173,36 @@ fn references_are_resumable_and_halves_differ() {
     assert!(other.merge(&full).is_err());
 }
 
+/// What anti-aliasing over time tends to: as the mean over blocks of a picture eight times as large.
+#[test]
+fn references_of_jittered_frames_are_means_over_pixels() {
+    let scene = builtin("thin-things").unwrap();
+    let tracer = Tracer::new(&scene, 0, 1).unwrap();
+    let (width, height, times) = (32, 18, 8);
+    let picture = |options: RenderOptions, samples: u32| {
+        tracer.reference(&options, ReferenceKind::Factored, Half::A, 0..samples, &Control::default()).unwrap().beauty
+    };
+    let large = picture(options(width * times, height * times), 4);
+    let mean = Plane::from_fn(Size::new(width, height), |x, y| {
+        let mut sum = [0.0; 3];
+        for (j, i) in (0..times).flat_map(|j| (0..times).map(move |i| (j, i))) {
+            let colour = large.at(x * times + i, y * times + j);
+            sum = std::array::from_fn(|c| sum[c] + colour[c] / (times * times) as f32);
+        }
+        sum
+    });
+    let apart = |options: RenderOptions| {
+        let found = picture(options, 256);
+        let pairs = found.data().iter().flatten().zip(mean.data().iter().flatten());
+        let total: f32 = mean.data().iter().flatten().sum();
+        pairs.map(|(a, b)| (a - b).abs()).sum::<f32>() / total
+    };
+    let centres = apart(options(width, height));
+    let area = apart(RenderOptions { jitter: true, ..options(width, height) });
+    println!("{centres} and {area} of the light apart");
+    assert!(area < 0.4 * centres, "{centres} {area}");
+}
+
 #[test]
 fn hashes_tell_scenes_and_options_apart() {
     let scene = builtin("cornell-box").unwrap();

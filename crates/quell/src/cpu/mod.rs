@@ -22,12 +22,14 @@ use crate::pipeline::{Image, Plan, Stage, Step};
 use crate::plane::{Plane, Size};
 use crate::report::StageTimes;
 use crate::settings::Settings;
+use crate::stages::antialiasing::cpu::History as PictureHistory;
 use crate::stages::glossy_bilateral::Axis;
 use crate::stages::young_filter as young;
 use buffers::Buffers;
 use fearless_simd::Level;
 use passes::{
-    change, composite, direct_taa, disocclusion, firefly, glossy_bilateral, sparse_bilateral, temporal, young_filter,
+    antialiasing, change, composite, direct_taa, disocclusion, firefly, glossy_bilateral, sparse_bilateral, temporal,
+    young_filter,
 };
 
 /// Confidence and history length of a signal.
@@ -78,6 +80,9 @@ pub struct Cpu {
     accumulated: [bool; 2],
     history: [Option<Colours>; 2],
     direct_history: Option<Colours>,
+    /// Of the frame before, and room for this one's.
+    picture_history: Option<PictureHistory>,
+    picture_room: PictureHistory,
     /// Matte, glossy, direct, composite.
     shown: [Shown; 4],
     spiral: Spiral,
@@ -114,6 +119,8 @@ impl Cpu {
             accumulated: [false; 2],
             history: [None, None],
             direct_history: None,
+            picture_history: None,
+            picture_room: PictureHistory::default(),
             shown: Default::default(),
             spiral: Spiral::empty(),
             radius: None,
@@ -146,12 +153,19 @@ impl Cpu {
                     times.measure(step.stage, || self.composite(frame, plan, sanitised));
                     continue;
                 }
+                if step.stage == Stage::Antialiasing {
+                    times.measure(step.stage, || self.antialias(settings, &guides, valid));
+                    continue;
+                }
                 self.read(frame, step.input, sanitised);
                 let later = &plan.steps[i + 1..];
                 times.measure(step.stage, || self.step(step, frame.index, settings, &guides, valid));
                 times.measure(step.stage, || self.retire(plan, later));
             }
             self.close(plan);
+        }
+        if !plan.runs(Stage::Antialiasing) {
+            self.picture_history = None;
         }
         self.guides = Some(guides);
         result
@@ -343,7 +357,8 @@ impl Cpu {
                     self.buffers.give(history);
                 }
             }
-            Stage::Composite => {}
+            // Those work in the host's order.
+            Stage::Composite | Stage::Antialiasing => {}
         }
         self.buffers.insert(step.input, input);
         self.buffers.insert(step.output, output);
@@ -457,6 +472,24 @@ impl Cpu {
         }
     }
 
+    /// The picture takes the place of the sum.
+    fn antialias(&mut self, settings: &Settings, guides: &CpuGuides, validity: Validity) {
+        let Some(sum) = self.shown[COMPOSITE].planes.pop() else { return };
+        let Ok(mut output) = Plane::from_vec(self.phases.size, self.buffers.take(self.phases.size.pixels(), 1).data)
+        else {
+            return; // the length is right by construction
+        };
+        let history = self.picture_history.take();
+        let mut kept = std::mem::take(&mut self.picture_room);
+        let before = history.as_ref().filter(|_| validity.picture);
+        antialiasing::run(self.level, guides, &settings.antialiasing, (&sum, before), &mut output, &mut kept);
+        self.picture_room = history.unwrap_or_default();
+        self.picture_history = Some(kept);
+        self.buffers.give_plane(sum);
+        self.shown[COMPOSITE].image = Some(Image::Antialiased);
+        self.shown[COMPOSITE].planes.push(output);
+    }
+
     fn close(&mut self, plan: &Plan) {
         for (history, feedback) in self.history.iter_mut().zip([plan.matte_feedback, plan.glossy_feedback]) {
             // A history that no stage has consumed is out of date.
@@ -484,7 +517,8 @@ fn input_of(image: Image) -> Option<(Option<Signal>, PlaneName)> {
 
 /// Whether a step filters or blends an image (the composite reads what is shown).
 fn reads(step: &Step, image: Image) -> bool {
-    step.stage != Stage::Composite && (step.input == image || step.also_reads.contains(&image))
+    !matches!(step.stage, Stage::Composite | Stage::Antialiasing)
+        && (step.input == image || step.also_reads.contains(&image))
 }
 
 /// Images that hold colours.
@@ -544,6 +578,7 @@ mod tests {
         levels.extend(best.as_avx2().map(Level::Avx2));
         let size = Size::new(75, 33);
         let mut settings = Settings::default();
+        settings.antialiasing.enabled = true;
         settings.matte_prefilter.radius = 200.0;
         settings.glossy_bilateral.max_radius = 64.0;
         let mut first: Option<Vec<Plane<Rgb>>> = None;
@@ -553,7 +588,7 @@ mod tests {
                 let buffer = frame(size, index);
                 let frame = buffer.frame(&[]);
                 let plan = Plan::new(&settings, Inputs::of(&frame));
-                let valid = Validity { matte: index > 0, glossy: index > 0, direct: index > 0 };
+                let valid = Validity { matte: index > 0, glossy: index > 0, direct: index > 0, picture: index > 0 };
                 let (mut sanitised, mut times) = (Sanitised::default(), StageTimes::default());
                 cpu.run(&frame, &settings, &plan, valid, &mut sanitised, &mut times).unwrap();
             }

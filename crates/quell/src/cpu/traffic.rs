@@ -58,6 +58,8 @@ pub fn bytes_per_pixel(plan: &Plan, settings: &Settings, stage: Stage) -> Option
         Stage::GlossyHorizontal => filtered + SCALAR + 3 * SCALAR + SCALAR + SURFACE + ROUGHNESS + 2 * SCALAR,
         Stage::GlossyVertical => filtered + SCALAR,
         Stage::DirectTaa => 3 * COLOUR + SCALAR + MOTION,
+        // The sum, the picture; history and how many frames it holds, read and written.
+        Stage::Antialiasing => 2 * COLOUR + SCALAR + MOTION + 2 * (COLOUR + SCALAR),
         Stage::Composite => {
             // Signals, their weights, direct light, the sum; untouched direct light is copied on the way.
             let copied = if plan.direct_output == Image::DirectInput { 2 * COLOUR } else { 0 };
@@ -82,7 +84,12 @@ mod tests {
         // Signal in and out, depth, normal, identity, roughness.
         assert_eq!(of(&plan, &settings, Stage::MattePrefilter), Some(48));
         assert_eq!(of(&plan, &settings, Stage::MatteBilateral), Some(48 + 24));
-        assert!(Stage::ALL.into_iter().all(|s| of(&plan, &settings, s).is_some()));
+        assert!(Stage::ALL.into_iter().all(|s| of(&plan, &settings, s).is_some() || s == Stage::Antialiasing));
+        let mut whole = settings.clone();
+        whole.antialiasing.enabled = true;
+        let whole_plan = Plan::new(&whole, Inputs::ALL);
+        assert_eq!(of(&whole_plan, &whole, Stage::Antialiasing), Some(68));
+        assert_eq!(of(&whole_plan, &whole, Stage::DirectTaa), None, "one takes the other's place");
         // Without stage 3, stage 8 reads motion, 8 bytes, not the surfaces that stage 3 found, 4.
         let shared = of(&plan, &settings, Stage::GlossyTemporal).unwrap();
         let mut looking = settings.clone();

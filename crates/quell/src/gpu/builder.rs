@@ -109,7 +109,7 @@ impl<'a> Builder<'a> {
             | Stage::GlossyYoung9
             | Stage::GlossyHorizontal
             | Stage::GlossyVertical => Signal::Glossy,
-            Stage::DirectTaa | Stage::Composite => return Vec::new(),
+            Stage::DirectTaa | Stage::Composite | Stage::Antialiasing => return Vec::new(),
             _ => Signal::Matte,
         };
         let count = self.contents.joint[signal as usize];
@@ -161,7 +161,9 @@ impl<'a> Builder<'a> {
         let plan = self.plan;
         let remembered = |history| (Slot::Image(history), false);
         match image {
-            Image::MatteHistory | Image::GlossyHistory | Image::DirectHistory => (Slot::Image(image), true),
+            Image::MatteHistory | Image::GlossyHistory | Image::DirectHistory | Image::PictureHistory => {
+                (Slot::Image(image), true)
+            }
             image if plan.matte_feedback == Some(image) => remembered(Image::MatteHistory),
             image if plan.glossy_feedback == Some(image) => remembered(Image::GlossyHistory),
             Image::DirectAntialiased => remembered(Image::DirectHistory),
@@ -248,6 +250,11 @@ impl<'a> Builder<'a> {
             Stage::DirectTaa => {
                 vec![(Slot::Geometry, false), (Slot::Moving, false), input, self.place(Image::DirectHistory), output]
             }
+            // The picture is shown in the same texture at every frame; its history, beside it, alternates.
+            Stage::Antialiasing => {
+                let history = Slot::Image(Image::PictureHistory);
+                vec![(Slot::Geometry, false), (Slot::Moving, false), input, (history, true), (history, false), output]
+            }
             Stage::Composite => {
                 let (plan, contents) = (self.plan, self.contents);
                 // What the frame lacks is not read: any colour will do.
@@ -277,8 +284,10 @@ impl<'a> Builder<'a> {
 
     /// Whether a filter, that in other places of the plan reads what another stage wrote, reads the host's own image.
     fn filters_host_image(&self, step: &Step) -> bool {
-        let can_come_first =
-            !matches!(step.stage, Stage::MatteTemporal | Stage::GlossyTemporal | Stage::DirectTaa | Stage::Composite);
+        let can_come_first = !matches!(
+            step.stage,
+            Stage::MatteTemporal | Stage::GlossyTemporal | Stage::DirectTaa | Stage::Composite | Stage::Antialiasing
+        );
         can_come_first && self.place(step.input).0.is_input()
     }
 
@@ -332,7 +341,7 @@ impl<'a> Builder<'a> {
             let slot = self.place(image).0;
             self.index(slot, Holds::Plane(Texel::Colour))
         };
-        let composite = plan.runs(Stage::Composite).then(|| image(Image::Composite));
+        let composite = plan.runs(Stage::Composite).then(|| image(plan.picture_output));
         let direct = contents.direct.then(|| image(plan.direct_output));
         let matte = contents.matte.map(|_| image(plan.matte_output));
         let glossy = contents.glossy.map(|_| image(plan.glossy_output));

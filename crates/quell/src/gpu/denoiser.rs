@@ -57,12 +57,12 @@ pub struct Denoiser {
 fn wanted(plan: &Plan, contents: Contents, composite: bool) -> Plan {
     let mut plan = plan.clone();
     let has_light = contents.direct || contents.matte.is_some() || contents.glossy.is_some();
-    if !composite {
+    if !composite || !contents.direct {
         plan.steps.retain(|s| s.stage != Stage::DirectTaa);
         plan.direct_output = Image::DirectInput;
     }
     if !composite || !has_light {
-        plan.steps.retain(|s| s.stage != Stage::Composite);
+        plan.steps.retain(|s| !matches!(s.stage, Stage::Composite | Stage::Antialiasing));
     }
     plan
 }

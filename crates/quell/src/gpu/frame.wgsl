@@ -40,6 +40,7 @@ struct Frame {
     direct_history: u32,
     has_glossy_hit: u32,
     has_roughness: u32,
+    picture_history: u32,
     // A frame may be a tile of a larger picture: where its pixel (0, 0) lies there, and the picture's extent.
     origin: vec2u,
     whole: vec2u,

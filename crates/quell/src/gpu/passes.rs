@@ -364,6 +364,22 @@ impl Pass {
         ],
         pieces: &[include_str!("../stages/composite/shader.wgsl"), include_str!("passes/composite.wgsl")],
     };
+    /// Temporal anti-aliasing of the sum.
+    pub const ANTIALIASING: Self = Self {
+        name: "antialiasing",
+        stages: &[Stage::Antialiasing],
+        per_frame: true,
+        entry: "antialias",
+        bindings: &[GEOMETRY, MOVING, colour("input"), colour("history"), written("kept"), written("output")],
+        pieces: &[
+            GUIDES,
+            GUIDES_MOVING,
+            MATH,
+            CLIP,
+            include_str!("../stages/antialiasing/shader.wgsl"),
+            include_str!("passes/antialiasing.wgsl"),
+        ],
+    };
     /// Stages 3 and 8: both read the same guides.
     pub const TEMPORAL: Self = Self {
         name: "matte_temporal+glossy_temporal",
@@ -491,7 +507,7 @@ impl Pass {
     pub const GLOSSY_YOUNG_9_JOINT: Self = young_joint(Stage::GlossyYoung9, "glossy_young_9_joint");
 
     /// One stage each, in the order of the pipeline.
-    pub const SINGLE: [Self; 16] = [
+    pub const SINGLE: [Self; 17] = [
         Self::MATTE_TEMPORAL,
         Self::MATTE_YOUNG_1,
         Self::MATTE_YOUNG_3,
@@ -508,6 +524,7 @@ impl Pass {
         Self::GLOSSY_VERTICAL,
         Self::DIRECT_TAA,
         Self::COMPOSITE,
+        Self::ANTIALIASING,
     ];
     /// Several stages each.
     pub const FUSED: [Self; 2] = [Self::TEMPORAL, Self::DISOCCLUSION_FIREFLY];
@@ -553,6 +570,7 @@ impl Pass {
             Stage::GlossyVertical => Self::GLOSSY_VERTICAL,
             Stage::DirectTaa => Self::DIRECT_TAA,
             Stage::Composite => Self::COMPOSITE,
+            Stage::Antialiasing => Self::ANTIALIASING,
         }
     }
 }

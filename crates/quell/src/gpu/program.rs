@@ -56,8 +56,7 @@ impl Contents {
 
     /// What the plan depends on.
     pub const fn inputs(self) -> Inputs {
-        let jitter = self.jitter && self.direct;
-        Inputs { matte: self.matte.is_some(), glossy: self.glossy.is_some(), jitter }
+        Inputs { matte: self.matte.is_some(), glossy: self.glossy.is_some(), jitter: self.jitter }
     }
 }
 

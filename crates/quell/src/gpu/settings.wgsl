@@ -122,6 +122,13 @@ struct DirectTaaSettings {
     clamp_falloff: f32,
 }
 
+struct AntialiasingSettings {
+    @align(16) least: f32,
+    resampling: f32,
+    gamma: f32,
+    change_falloff: f32,
+}
+
 // Which terms the composite adds, and which weights are there.
 struct CompositeSettings {
     @align(16) direct: u32,
@@ -147,5 +154,6 @@ struct Settings {
     mirror: MirrorSettings,
     glossy_bilateral: GlossyBilateralSettings,
     direct_taa: DirectTaaSettings,
+    antialiasing: AntialiasingSettings,
     composite: CompositeSettings,
 }

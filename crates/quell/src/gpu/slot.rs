@@ -9,8 +9,8 @@ use crate::pipeline::Image;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[cfg_attr(feature = "internals", expect(missing_docs, reason = "the name says it"))]
 pub enum Slot {
-    /// An image of the pipeline. What is remembered lies in `MatteHistory`, `GlossyHistory`, `DirectHistory`, whichever
-    /// stage writes it.
+    /// An image of the pipeline. What is remembered lies in `MatteHistory`, `GlossyHistory`, `DirectHistory`, `PictureHistory`,
+    /// whichever stage writes it.
     Image(Image),
     /// What a plane that is tied to a signal has in an image's place; counted from 0 for each signal.
     Joint {
@@ -70,7 +70,9 @@ impl Slot {
                 | Self::Surface
                 | Self::MatteLength
                 | Self::GlossyLength
-                | Self::Image(Image::MatteHistory | Image::GlossyHistory | Image::DirectHistory)
+                | Self::Image(
+                    Image::MatteHistory | Image::GlossyHistory | Image::DirectHistory | Image::PictureHistory,
+                )
                 | Self::Joint { image: Image::MatteHistory | Image::GlossyHistory, .. }
         )
     }

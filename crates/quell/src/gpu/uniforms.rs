@@ -46,6 +46,7 @@ uniforms! {
         direct_history: u32,
         has_glossy_hit: u32,
         has_roughness: u32,
+        picture_history: u32,
         origin: UVec2,
         whole: UVec2,
     }
@@ -151,6 +152,13 @@ uniforms! {
         clamp_falloff: f32,
     }
 
+    Antialiasing as "AntialiasingSettings" {
+        least: f32,
+        resampling: f32,
+        gamma: f32,
+        change_falloff: f32,
+    }
+
     Composite as "CompositeSettings" {
         direct: u32,
         matte: u32,
@@ -176,6 +184,7 @@ uniforms! {
         mirror: Mirror,
         glossy_bilateral: GlossyBilateral,
         direct_taa: DirectTaa,
+        antialiasing: Antialiasing,
         composite: Composite,
     }
 }
@@ -196,6 +205,7 @@ pub fn layouts() -> Vec<Uniform> {
         Mirror::layout(),
         GlossyBilateral::layout(),
         DirectTaa::layout(),
+        Antialiasing::layout(),
         Composite::layout(),
         SettingsUniforms::layout(),
         super::convention::PrepareUniforms::layout(),
@@ -251,7 +261,7 @@ impl FrameUniforms {
             has_roughness: guides.has_roughness,
         };
         let there = before.is_some();
-        let valid = Validity { matte: there, glossy: there, direct: there };
+        let valid = Validity { matte: there, glossy: there, direct: there, picture: there };
         Self::from_cameras(&cameras(now), before.map(cameras).as_ref(), valid)
     }
 
@@ -274,6 +284,7 @@ impl FrameUniforms {
             direct_history: u32::from(before.is_some() && valid.direct),
             has_glossy_hit: u32::from(now.has_glossy_hit),
             has_roughness: u32::from(now.has_roughness),
+            picture_history: u32::from(before.is_some() && valid.picture),
             origin: UVec2::from(now.tile.origin),
             whole: extent(now.tile.whole),
         }
@@ -346,6 +357,12 @@ impl SettingsUniforms {
                 history: s.direct_taa.history,
                 falloff_px: s.direct_taa.motion_falloff * rows / REFERENCE_ROWS,
                 clamp_falloff: s.direct_taa.clamp_falloff,
+            },
+            antialiasing: Antialiasing {
+                least: s.antialiasing.least,
+                resampling: s.antialiasing.resampling,
+                gamma: s.antialiasing.gamma,
+                change_falloff: s.antialiasing.change_falloff,
             },
             composite: Composite {
                 direct: 1,

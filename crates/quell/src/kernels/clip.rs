@@ -1,4 +1,4 @@
-//! The colour clamp of stages 3, 8 and 11: history is held to what the current signal shows nearby, per channel in
+//! The colour clamp of stages 3, 8, 11 and `antialiasing`: history is held to what the current signal shows nearby, per channel in
 //! YCoCg.
 
 use super::math::{rgb_from_ycocg, three, ycocg_from_rgb};

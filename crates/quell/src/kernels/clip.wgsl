@@ -1,4 +1,4 @@
-// Twin of clip.rs: the colour clamp of stages 3, 8 and 11, per channel in YCoCg.
+// Twin of clip.rs: the colour clamp of stages 3, 8, 11 and `antialiasing`, per channel in YCoCg.
 
 // Minimum and maximum per YCoCg channel, gathered neighbour by neighbour.
 struct ColourBox {

@@ -11,11 +11,12 @@ use crate::pipeline::{Image, Plan, Stage, Step};
 use crate::plane::{Plane, Size};
 use crate::report::StageTimes;
 use crate::settings::Settings;
+use crate::stages::antialiasing::reference::Accumulated;
 use crate::stages::glossy_bilateral::Axis;
 use crate::stages::matte_temporal::reference::{Remembered, Temporal};
 use crate::stages::{
-    composite, direct_taa, disocclusion, firefly, glossy_bilateral, glossy_temporal, matte_bilateral, matte_prefilter,
-    matte_temporal, young_filter,
+    antialiasing, composite, direct_taa, disocclusion, firefly, glossy_bilateral, glossy_temporal, matte_bilateral,
+    matte_prefilter, matte_temporal, young_filter,
 };
 use std::collections::HashMap;
 
@@ -53,6 +54,9 @@ pub struct Reference {
     matte_history: History,
     glossy_history: History,
     direct_history: Option<Plane<Rgb>>,
+    /// Of this frame, then of the one before.
+    picture: Option<Accumulated>,
+    picture_history: Option<Accumulated>,
     weights: [Plane<Rgb>; 2],
     noisy_direct: [Option<Plane<Rgb>>; 2],
 }
@@ -71,6 +75,8 @@ impl Reference {
             matte_history: History::default(),
             glossy_history: History::default(),
             direct_history: None,
+            picture: None,
+            picture_history: None,
             weights: [black.clone(), black],
             noisy_direct: [None, None],
         }
@@ -129,6 +135,7 @@ impl Reference {
         self.glossy_history.fast = self.temporal[1].as_ref().and_then(|t| t.fast.clone());
         self.direct_history =
             plan.runs(Stage::DirectTaa).then(|| self.images.get(&plan.direct_output).map(|p| p[0].clone())).flatten();
+        self.picture_history = self.picture.take();
         self.previous_guides = self.guides.clone();
         Ok(())
     }
@@ -275,6 +282,13 @@ impl Reference {
                 let noisy = self.noisy_direct.iter().zip(&self.weights).filter_map(|(p, w)| p.as_ref().map(|p| (p, w)));
                 let terms: Vec<_> = signals.chain(noisy).collect();
                 vec![composite::reference::run(&input[0], &terms)]
+            }
+            Stage::Antialiasing => {
+                let history = self.picture_history.as_ref().filter(|_| valid.picture);
+                let found = antialiasing::reference::run(&input[0], history, guides, &settings.antialiasing);
+                let picture = found.picture.clone();
+                self.picture = Some(found);
+                vec![picture]
             }
         };
         self.images.insert(step.output, output);

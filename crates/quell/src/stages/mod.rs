@@ -4,12 +4,13 @@
 //!
 //! | filter | its stages, in order |
 //! |---|---|
-//! | real-time ([`crate::pipeline`]) | `matte_temporal`, `young_filter`, `matte_prefilter`, `disocclusion`, `firefly`, `matte_bilateral`, `glossy_temporal`, `young_filter`, `glossy_bilateral`, `direct_taa`, `composite` |
+//! | real-time ([`crate::pipeline`]) | `matte_temporal`, `young_filter`, `matte_prefilter`, `disocclusion`, `firefly`, `matte_bilateral`, `glossy_temporal`, `young_filter`, `glossy_bilateral`, `direct_taa`, `composite`, `antialiasing` |
 //! | sequences ([`crate::sequence`]) | `reflection_motion`, `gather`, `feature_noise`, `variance`, `wavelet`, `residual`, `recombine` (sum), `stabilise`, `blend`, `recombine` (rescale) |
 //!
 //! Sources in the tables: \[S] the talk's slides, \[A] the abstract, \[E] the authors' engine and later work, \[I] inferred, \[O] open, so ours;
 //! more in `docs/paper.md`.
 
+pub mod antialiasing;
 #[cfg(feature = "internals")]
 pub mod blend;
 #[cfg(not(feature = "internals"))]

@@ -318,6 +318,8 @@ fn every_stage_alone_agrees() {
         ("9, 10, monotone", vec![("glossy_bilateral.enabled", "on"), ("edge.monotone", "on")], WEIGHTS),
         ("9, 10, constant", vec![("glossy_bilateral.enabled", "on"), ("glossy_bilateral.radius", "constant")], WEIGHTS),
         ("11", vec![("direct_taa.enabled", "on")], EXACT),
+        ("antialiasing", vec![("antialiasing.enabled", "on")], EXACT),
+        ("antialiasing, few frames", vec![("antialiasing.enabled", "on"), ("antialiasing.least", "0.3")], EXACT),
     ];
     for (scene_name, scene) in scenes() {
         for passes in [false, true] {

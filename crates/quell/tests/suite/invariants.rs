@@ -1309,12 +1309,15 @@ fn trials() -> Vec<(&'static str, Settings, Vec<FrameBuf>)> {
     (changing.changed_light.matte, changing.changed_light.glossy) = (true, true);
     (changing.changed_light.fast, changing.changed_light.least) = (0.2, 0.01);
     (changing.changed_light.begin, changing.changed_light.certain) = (0.1, 30.0);
+    let mut antialiased = paper();
+    antialiased.antialiasing.enabled = true;
     // Rows enough for a distance of more than a pixel between the taps of the separable kernel.
     let tall = sequence(&wall(still, Noise::Uniform), Size::new(10, 144), 1);
     vec![
         ("tall", Settings::default(), tall),
         ("box", paper(), box_frames.clone()),
         ("box, young history", young, box_frames.clone()),
+        ("box, anti-aliased", antialiased, box_frames.clone()),
         ("box, changing light", changing, box_frames.clone()),
         ("box, other choices", other.clone(), box_frames),
         ("mirror", paper(), mirrors),

@@ -49,6 +49,9 @@ fn references_differ_by_noise_only() {
         compare(device, &builtin(info.name).unwrap(), &options, ReferenceKind::Factored, 32);
     }
     compare(device, &builtin("mirror-hall").unwrap(), &options, ReferenceKind::FullIntegral, 32);
+    let options = RenderOptions { jitter: true, ..options };
+    compare(device, &builtin("thin-things").unwrap(), &options, ReferenceKind::Factored, 32);
+    compare(device, &builtin("mirror-hall").unwrap(), &options, ReferenceKind::FullIntegral, 32);
 }
 
 #[test]

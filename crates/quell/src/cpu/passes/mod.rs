@@ -1,6 +1,7 @@
 //! The schedules: loops over rows, runs and taps, loads and stores. What is computed there stands in the stages'
 //! `cpu.rs`.
 
+pub(crate) mod antialiasing;
 pub(crate) mod change;
 pub(crate) mod composite;
 pub(crate) mod direct_taa;

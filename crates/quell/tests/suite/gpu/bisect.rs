@@ -39,7 +39,7 @@ pub fn bisect(
         gpu.queue.submit([encoder.finish()]);
     }
     let plan = Plan::new(settings, Inputs::of(&last.frame(&[])));
-    let wanted = reference.image(Image::Composite).unwrap()[0].clone();
+    let wanted = reference.image(plan.picture_output).unwrap()[0].clone();
     let mut departures = Vec::new();
     for upto in 0..plan.steps.len() {
         let mut mixed = before.clone().unwrap();
@@ -51,7 +51,7 @@ pub fn bisect(
                 given
             })
         });
-        let found = &mixed.image(Image::Composite).unwrap()[0];
+        let found = &mixed.image(plan.picture_output).unwrap()[0];
         let mean =
             wanted.data().iter().flatten().map(|v| f64::from(v.abs())).sum::<f64>() / 3.0 / wanted.data().len() as f64;
         let apart = wanted.data().iter().flatten().zip(found.data().iter().flatten());
@@ -71,7 +71,7 @@ fn run(
     given: impl FnMut(&Step) -> Option<Given>,
 ) {
     let plan = Plan::new(settings, Inputs::of(&frame.frame(&[])));
-    let valid = Validity { matte: continues, glossy: continues, direct: continues };
+    let valid = Validity { matte: continues, glossy: continues, direct: continues, picture: continues };
     let (mut sanitised, mut times) = (Sanitised::default(), StageTimes::default());
     let frame = frame.frame(&[]);
     reference.run_with(&frame, settings, &plan, valid, &mut sanitised, &mut times, given).unwrap();

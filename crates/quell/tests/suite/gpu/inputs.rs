@@ -5,11 +5,12 @@ use crate::suite::frames::{Scene, guides};
 use quell::border::Guides;
 use quell::gpu::{FrameUniforms, Pass, SettingsUniforms, Storage, beside, pack_guides, pack_spiral};
 use quell::kernels::spiral::{Spiral, SpiralShape};
+use quell::stages::antialiasing::reference::Accumulated;
 use quell::stages::glossy_bilateral::Axis;
 use quell::stages::matte_temporal::reference::{Remembered, Temporal};
 use quell::stages::{
-    composite, direct_taa, disocclusion, firefly, glossy_bilateral, glossy_temporal, matte_bilateral, matte_prefilter,
-    matte_temporal, young_filter,
+    antialiasing, composite, direct_taa, disocclusion, firefly, glossy_bilateral, glossy_temporal, matte_bilateral,
+    matte_prefilter, matte_temporal, young_filter,
 };
 use quell::{FrameBuf, Plane, Rgb, Settings, Signal, Size};
 
@@ -362,6 +363,25 @@ impl Inputs {
         let [geometry, _, moving] = self.guide_planes();
         let inputs = vec![geometry, moving, colour_bytes(&input), colour_bytes(&history)];
         let mut job = self.job(Pass::DIRECT_TAA, settings, inputs, vec![output]);
+        if !with_history {
+            job.frame = FrameUniforms::new(self.now(), None);
+        }
+        job
+    }
+
+    /// The picture's anti-aliasing, on two noisy signals as the sum and its history, which holds other numbers of frames from pixel to
+    /// pixel, none here and there.
+    pub fn antialiasing(&self, settings: &Settings, with_history: bool) -> Job {
+        let input = self.signal(Signal::Matte, BEFORE);
+        let frames = Plane::from_fn(self.size(), |x, y| ((5 * x + 3 * y) % 7).saturating_sub(1) as f32 * 1.7);
+        let history = Accumulated { picture: self.signal(Signal::Matte, BEFORE - 1), frames };
+        let remembered = with_history.then_some(&history);
+        let found = antialiasing::reference::run(&input, remembered, self.now(), &settings.antialiasing);
+        let [geometry, _, moving] = self.guide_planes();
+        let inputs = vec![geometry, moving, colour_bytes(&input), colour_and_bytes(&history.picture, &history.frames)];
+        let outputs = vec![found.picture.clone(), found.picture];
+        let mut job = self.job(Pass::ANTIALIASING, settings, inputs, outputs);
+        job.expected.scalars = vec![("frames of history", found.frames)];
         if !with_history {
             job.frame = FrameUniforms::new(self.now(), None);
         }

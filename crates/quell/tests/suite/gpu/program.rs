@@ -50,7 +50,7 @@ fn quality_moves_at_most_420_bytes_a_pixel_and_holds_at_most_200() {
     }
     let bytes: u32 = Stage::ALL
         .iter()
-        .filter(|stage| !matches!(stage, Stage::DirectTaa | Stage::Composite))
+        .filter(|stage| !matches!(stage, Stage::DirectTaa | Stage::Composite | Stage::Antialiasing))
         .filter_map(|stage| program.bytes_per_pixel(*stage))
         .sum();
     let memory = program.memory(1);
@@ -90,6 +90,7 @@ fn every_program(mut check: impl FnMut(&Program, &str)) {
         "glossy_temporal.enabled",
         "glossy_bilateral.enabled",
         "direct_taa.enabled",
+        "antialiasing.enabled",
     ];
     let some = Some(SignalContents { weight: true, direct: true });
     let none = Some(SignalContents::default());

@@ -176,6 +176,7 @@ fn every_feedback_and_switch_agrees() {
         ("glossy_temporal.enabled", "off"),
         ("glossy_bilateral.enabled", "off"),
         ("direct_taa.enabled", "off"),
+        ("antialiasing.enabled", "on"),
     ] {
         let mut settings = Settings::default();
         settings.set(name, value).unwrap();

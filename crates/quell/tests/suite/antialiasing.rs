@@ -1,0 +1,130 @@
+//! What temporal anti-aliasing of the picture must do: tend to the mean over the pixel, at rest and in motion, keep energy, follow light.
+
+use super::frames::{Noise, View, box_before_wall, denoise, jittered, mean, moving, rms, run, sequence};
+use quell::{Backend, Denoiser, FrameBuf, Plane, Rgb, Settings, Size};
+
+const SIZE: Size = Size::new(72, 44);
+
+fn settings() -> Settings {
+    let mut settings = Settings::default().without_denoising();
+    settings.antialiasing.enabled = true;
+    settings
+}
+
+fn sum(frame: &FrameBuf) -> Plane<Rgb> {
+    frame.frame(&[]).composite()
+}
+
+/// The camera moves; the samples of all frames lie at the place of frame `K`.
+fn moving_at<const K: i64>(t: f64) -> View {
+    View { jitter: jittered(K as f64).jitter, ..moving(t) }
+}
+
+fn moving_jittered(t: f64) -> View {
+    View { jitter: jittered(t).jitter, ..moving(t) }
+}
+
+fn mean_of(pictures: &[Plane<Rgb>]) -> Plane<Rgb> {
+    let share = 1.0 / pictures.len() as f32;
+    Plane::from_fn(SIZE, |x, y| {
+        [0, 1, 2].map(|c| pictures.iter().map(|picture| picture.at(x, y)[c]).sum::<f32>() * share)
+    })
+}
+
+#[test]
+fn at_rest_it_tends_to_the_mean_over_the_pixel() {
+    let frames = sequence(&box_before_wall(jittered, Noise::None), SIZE, 40);
+    // One period of the places.
+    let expected = mean_of(&frames[32..].iter().map(sum).collect::<Vec<_>>());
+    let all = |_, _| true;
+    let aliased = rms(&sum(&frames[39]), &expected, all);
+    for backend in [Backend::Cpu, Backend::Reference] {
+        let found = run(backend, &settings(), &frames).composite;
+        let apart = rms(&found, &expected, all);
+        println!("{backend:?}: {apart} for {aliased}");
+        assert!(apart < 0.25 * aliased, "{backend:?}: {apart} for {aliased}");
+        let energy = mean(&found) / mean(&expected);
+        assert!((energy - 1.0).abs() < 2e-3, "{backend:?}: energy {energy}");
+    }
+}
+
+#[test]
+fn in_motion_it_is_nearer_to_the_mean_over_the_pixel() {
+    let frames = sequence(&box_before_wall(moving_jittered, Noise::None), SIZE, 24);
+    let places: [fn(f64) -> View; 8] = [
+        moving_at::<0>,
+        moving_at::<1>,
+        moving_at::<2>,
+        moving_at::<3>,
+        moving_at::<4>,
+        moving_at::<5>,
+        moving_at::<6>,
+        moving_at::<7>,
+    ];
+    let last = places.map(|view| sum(&box_before_wall(view, Noise::None).frame(SIZE, 23)));
+    let expected = mean_of(&last);
+    let all = |_, _| true;
+    let aliased = rms(&sum(&frames[23]), &expected, all);
+    let found = run(Backend::Cpu, &settings(), &frames).composite;
+    let apart = rms(&found, &expected, all);
+    println!("{apart} for {aliased}");
+    assert!(apart < 0.7 * aliased, "{apart} for {aliased}");
+    let energy = mean(&found) / mean(&expected);
+    assert!((energy - 1.0).abs() < 5e-3, "energy {energy}");
+}
+
+#[test]
+fn without_jitter_and_after_a_cut_the_picture_is_the_sum() {
+    let mut frames = sequence(&box_before_wall(jittered, Noise::None), SIZE, 4);
+    for backend in [Backend::Cpu, Backend::Reference] {
+        let mut denoiser = Denoiser::with_backend(SIZE, &settings(), backend).unwrap();
+        let plain = &Settings::default().without_denoising();
+        let mut without = Denoiser::with_backend(SIZE, plain, backend).unwrap();
+        for frame in &frames[..3] {
+            denoise(&mut denoiser, frame);
+        }
+        let last = &mut frames[3];
+        assert!(denoise(&mut denoiser.clone(), last).composite != denoise(&mut without, last).composite);
+        // History is forgotten; a frame without jitter forgets it, too.
+        last.index = 9;
+        assert!(denoise(&mut denoiser.clone(), last).composite == denoise(&mut without, last).composite);
+        let (index, jitter) = (3, last.camera.jitter);
+        (last.index, last.camera.jitter) = (index, [0.0; 2]);
+        assert!(denoise(&mut denoiser, last).composite == denoise(&mut without, last).composite);
+        (last.index, last.camera.jitter) = (index + 1, jitter);
+        assert!(denoise(&mut denoiser, last).composite == denoise(&mut without, last).composite);
+        last.index = index;
+    }
+}
+
+/// Lamps that switch leave no trail: the clamp holds history to what the new frame shows, and it counts fewer frames.
+#[test]
+fn light_that_switches_is_followed_at_once() {
+    let mut frames = sequence(&box_before_wall(jittered, Noise::None), SIZE, 24);
+    for frame in &mut frames[20..] {
+        let scaled = |plane: &mut Option<Plane<Rgb>>| {
+            for colour in plane.iter_mut().flat_map(|plane| plane.data_mut()) {
+                *colour = colour.map(|v| 0.2 * v);
+            }
+        };
+        scaled(&mut frame.matte);
+        scaled(&mut frame.glossy);
+        scaled(&mut frame.direct);
+    }
+    let expected = mean(&mean_of(&frames[20..].iter().map(sum).collect::<Vec<_>>()));
+    let found = mean(&run(Backend::Cpu, &settings(), &frames[..21]).composite);
+    assert!((found / expected - 1.0).abs() < 0.1, "{found} for {expected}");
+    let found = mean(&run(Backend::Cpu, &settings(), &frames).composite);
+    assert!((found / expected - 1.0).abs() < 0.02, "{found} for {expected}");
+}
+
+/// Where motion is unknown the new frame counts alone.
+#[test]
+fn unknown_motion_takes_the_new_frame() {
+    let mut frames = sequence(&box_before_wall(jittered, Noise::None), SIZE, 6);
+    frames[5].motion.as_mut().unwrap().data_mut().fill([f32::NAN; 2]);
+    for backend in [Backend::Cpu, Backend::Reference] {
+        let found = run(backend, &settings(), &frames).composite;
+        assert!(found == sum(&frames[5]), "{backend:?}");
+    }
+}
