@@ -85,7 +85,7 @@ pub struct Tracing {
     pub bounces: u32,
     /// Shadow rays a pixel of the direct term, 1 to 64.
     pub direct_samples: u32,
-    /// Sample positions move within pixels from frame to frame, for stage 11.
+    /// Sample positions move within pixels from frame to frame, for temporal anti-aliasing.
     pub jitter: bool,
 }
 

@@ -85,7 +85,17 @@ struct EyeRay {
     cone: Cone,
 }
 
-fn eye_ray(at: vec2f) -> EyeRay {
+// Where in the pixel the eye looks: of a reference whose frames are jittered every sample has a place of its own.
+fn eye_place(pixel: vec2u, sample: u32) -> vec2f {
+    if !has_flag(job.flags, IN_AREA) {
+        return vec2f(0.5) + frame.jitter;
+    }
+    var s = sampler_fork(sampler_new(pixel, sample, job.seed), PIXEL_DOMAIN);
+    return next_2d(&s);
+}
+
+fn eye_ray(pixel: vec2u, sample: u32) -> EyeRay {
+    let at = vec2f(pixel) + eye_place(pixel, sample);
     var ray = EyeRay(eye_origin(at), eye_direction(at), Cone(0.0, 0.0, true));
     if PAINTED {
         for (var axis = 0u; axis < 2u; axis++) {
@@ -171,14 +181,7 @@ fn primary(@builtin(global_invocation_id) id: vec3u) {
     for (var slot = 0u; slot < SLOTS; slot++) {
         slots[slot * frame.pixels + i].flags = 0u;
     }
-    // Of a reference whose frames are jittered every sample has a place of its own.
-    let in_area = has_flag(job.flags, IN_AREA);
-    var place = vec2f(0.5) + frame.jitter;
-    if in_area {
-        var sampler = sampler_fork(sampler_new(pixel.at, job.sample, job.seed), PIXEL_DOMAIN);
-        place = next_2d(&sampler);
-    }
-    let eye = eye_ray(vec2f(pixel.at) + place);
+    let eye = eye_ray(pixel.at, job.sample);
     var origin = eye.origin;
     var direction = eye.direction;
     var cone = eye.cone;
@@ -295,7 +298,7 @@ fn primary(@builtin(global_invocation_id) id: vec3u) {
         origin = ray_origin(point, next.wi);
         direction = next.wi;
     }
-    if in_area {
+    if has_flag(job.flags, IN_AREA) {
         count_rays(i, rays);
     } else {
         set_plane1(CLOSEST_RAYS, i, bitcast<f32>(rays.closest));

@@ -19,7 +19,10 @@ export interface DenoiserOptions {
   settings?: Settings;
   /** What frames have; default both. A signal that is left out costs nothing. */
   signals?: readonly Signal[];
-  /** The samples of frames are jittered (`Camera.jitter`): stage 11 anti-aliases direct light. Default false. */
+  /**
+   * The samples of frames are jittered (`Camera.jitter`): the composite is anti-aliased over time (with preset `paper` its direct light
+   * alone, stage 11). Default false.
+   */
   jitter?: boolean;
   /** What textures mean, unless a frame says otherwise; default `"quell"`. */
   convention?: ConventionName | Partial<Convention>;
@@ -124,9 +127,9 @@ export interface Frame {
  * same texture at every frame until `resize` or `configure` makes another; the others may alternate between two.
  */
 export interface Output {
-  /** direct + matte * weight + glossy * weight. Alpha is 0. */
+  /** direct + matte * weight + glossy * weight; anti-aliased with `jitter` and `antialiasing.enabled`. Alpha is 0. */
   composite: GPUTexture;
-  /** Direct light, anti-aliased with `jitter`; the host's own texture where it is not filtered. */
+  /** Direct light, anti-aliased with `jitter` where `antialiasing.enabled` is off; the host's own texture where it is not filtered. */
   direct: GPUTexture | null;
   /** Filtered, without weight; null: the denoiser was made without the signal. */
   matte: GPUTexture | null;

@@ -204,7 +204,7 @@ pub struct SamplingArgs {
     /// Shadow rays a pixel of the direct light [default: the tracer's own]
     #[arg(long, value_name = "N", value_parser = values::at_least_one::<u32>)]
     pub direct_samples: Option<u32>,
-    /// Move the samples within the pixel from frame to frame; stage 11 then smooths edges
+    /// Move the samples within the pixel from frame to frame: pictures are then anti-aliased over time
     #[arg(long)]
     pub jitter: bool,
     /// Largest luminance of a sample, 0: no limit; loses energy

@@ -21,7 +21,7 @@ pub struct ShadersArgs {
     /// One stage a pass
     #[arg(long)]
     pub unfused: bool,
-    /// For frames without jitter: stage 11 does not run
+    /// For frames without jitter: no temporal anti-aliasing
     #[arg(long)]
     pub no_jitter: bool,
     /// Signals of a frame: matte, glossy, or both

@@ -230,7 +230,7 @@ impl Measured {
 
 /// Stages 3 to 10, with what lies between them that the paper does not have.
 fn is_3_to_10(stage: Stage) -> bool {
-    !matches!(stage, Stage::DirectTaa | Stage::Composite)
+    !matches!(stage, Stage::DirectTaa | Stage::Composite | Stage::Antialiasing)
 }
 
 /// The same with stage 11.

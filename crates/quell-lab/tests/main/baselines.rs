@@ -155,6 +155,29 @@ fn history_follows_motion() {
     }
 }
 
+/// `+taa` is the last stage of preset `quality`: behind the rest of it, it gives the same bits. It also goes back when a method does.
+#[test]
+fn taa_behind_a_method_is_the_stage_of_quality() {
+    let mut whole = parse("quell:quality").unwrap();
+    let mut apart = parse("quell:quality+antialiasing.enabled=off+direct_taa.enabled=off+taa").unwrap();
+    let mut before = parse("quell:quality+antialiasing.enabled=off").unwrap();
+    assert_eq!(parse("svgf+taa").unwrap().name(), "svgf+taa");
+    assert!(parse("quell:sequence+taa").is_err(), "its pictures come late");
+    for index in 0..6 {
+        let mut f = noisy_wall(index);
+        f.camera.jitter = [[0.25, -0.3], [-0.1, 0.4]][index as usize % 2];
+        f.direct = Some(Plane::from_fn(SIZE, |x, y| [((x + y + index as usize) % 5) as f32 * 0.2; 3]));
+        if index == 3 {
+            whole.reset();
+            apart.reset();
+            before.reset();
+        }
+        let found = run(apart.as_mut(), &f);
+        assert!(found == run(whole.as_mut(), &f), "frame {index}");
+        assert_eq!(found != run(before.as_mut(), &f), index % 3 > 0, "frame {index}");
+    }
+}
+
 /// Left half bright, right half dark, both noisy; the planes meet at right angles, or are one.
 fn corner(index: i64, bent: bool) -> FrameBuf {
     let mut noise = Noise(index as u64 + 5);

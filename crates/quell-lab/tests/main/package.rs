@@ -129,6 +129,7 @@ fn choices() -> Vec<(Changes, [bool; 2], bool)> {
         // Stage 8 compares hit distances in every third.
         changes.push(("glossy_temporal.mirror_roughness", if all.len() % 3 == 0 { "0.03" } else { "0" }));
         changes.push(("glossy_temporal.virtual_reprojection", if all.len() % 5 == 0 { "off" } else { "on" }));
+        changes.push(("antialiasing.enabled", if all.len() % 4 < 2 { "on" } else { "off" }));
         all.push((changes, signals, jitter));
     };
     let mut count = 0;
@@ -270,6 +271,10 @@ fn cases() -> Vec<(Size, Changes)> {
                 ("firefly.plain", "on"),
                 ("disocclusion.radius", "5"),
                 ("direct_taa.motion_falloff", "3.3"),
+                ("antialiasing.least", "0.13"),
+                ("antialiasing.resampling", "0.7"),
+                ("antialiasing.gamma", "1.3"),
+                ("antialiasing.change_falloff", "23"),
                 ("edge.monotone", "on"),
                 ("edge.matte_gloss", "0.3"),
                 ("young_filter.frames", "23.7"),

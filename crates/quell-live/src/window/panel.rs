@@ -160,7 +160,7 @@ impl App {
                 let response = ui.add(Slider::new(value, least..=most).text(name)).on_hover_text(hint);
                 app.mark(name, &response);
             }
-            let hint = "Moves the samples of each frame within pixels: stage 11 smooths edges with them.";
+            let hint = "Moves the samples of each frame within pixels: temporal anti-aliasing smooths edges with them.";
             let response = ui.checkbox(&mut tracing.jitter, "jitter").on_hover_text(hint);
             app.mark("jitter", &response);
             app.choice.tracing = tracing.held();

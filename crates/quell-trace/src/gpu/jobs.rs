@@ -118,15 +118,15 @@ pub(super) fn reference_steps(
     let seed = options.seed ^ half.seed();
     let direct_samples = options.direct_samples.min(REFERENCE_DIRECT_SAMPLES);
     let mut steps = vec![(Kernel::Primary, Job::default())];
+    let area = if options.jitter { layout::IN_AREA } else { 0 };
     for (count, sample) in (1..).zip(samples) {
-        if options.jitter {
-            let job = Job { flags: layout::IN_AREA, sample, seed: halves_of(seed), ..Job::default() };
-            steps.push((Kernel::Primary, job));
+        if options.jitter && kind == ReferenceKind::Factored {
+            steps.push((Kernel::Primary, Job { flags: area, sample, seed: halves_of(seed), ..Job::default() }));
         }
         let done = match kind {
             ReferenceKind::FullIntegral => {
                 let (kernel, job) = signal(layout::EYE_PATH, sample, 1, [seed; 2], false);
-                steps.push((kernel, Job { flags: 0, domain: Domain::Full as u32, ..job }));
+                steps.push((kernel, Job { flags: area, domain: Domain::Full as u32, ..job }));
                 layout::EYE_PATH
             }
             ReferenceKind::Factored => {

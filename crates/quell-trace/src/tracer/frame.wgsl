@@ -66,7 +66,7 @@ fn paths(@builtin(global_invocation_id) id: vec3u) {
         }
         var path: Path;
         if job.kind == EYE_PATH {
-            let eye = eye_ray(pixel.at);
+            let eye = eye_ray(pixel.at, index);
             path = Path(eye.origin, eye.direction, eye.cone, fixed_share(1.0), frame.bounces + 1u, true, vec3f(1.0), false, false);
         } else {
             path = start_path(job.kind, point, b, slot.direction, &s);

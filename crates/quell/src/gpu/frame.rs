@@ -301,9 +301,10 @@ fn check_target(binding: &'static str, view: &wgpu::TextureView, storage: Storag
 /// alternate between two, and a signal that no stage filters is the caller's own.
 #[derive(Clone, Debug)]
 pub struct Output {
-    /// The sum; `None` unless [`super::Options::composite`] is on and the frame has any light.
+    /// The sum, anti-aliased where the frame has jitter and `antialiasing` is on; `None` unless [`super::Options::composite`] is on and
+    /// the frame has any light.
     pub composite: Option<wgpu::TextureView>,
-    /// Direct light, anti-aliased where the frame has jitter and [`super::Options::composite`] is on.
+    /// Direct light, anti-aliased where stage 11 ran: the frame has jitter, [`super::Options::composite`] is on, `antialiasing` off.
     pub direct: Option<wgpu::TextureView>,
     /// The matte signal, filtered.
     pub matte: Option<wgpu::TextureView>,

@@ -17,8 +17,8 @@ pub struct Options {
     /// signals, direct light and the sum). On by default. Off: [`super::Denoiser::plane`] and [`super::DebugView::Light`]
     /// have every intermediate image.
     pub share_planes: bool,
-    /// Direct light is anti-aliased (stage 11) where the frame has jitter, and the sum is made. Off by default: hosts have
-    /// their own; then [`super::Output::composite`] is `None`.
+    /// The sum is made, and where the frame has jitter it is anti-aliased over time (`antialiasing`; without that stage its direct light,
+    /// stage 11). Off by default: hosts have their own; then [`super::Output::composite`] is `None`.
     pub composite: bool,
     /// Repairs of colours are counted ([`super::Output::repairs`]), which reads every colour once more. Those of guides
     /// that come as textures always are.

@@ -122,6 +122,7 @@ pub fn uniforms(frame: &FrameBuf, before: Option<&FrameBuf>, extent: [u32; 2]) -
         "matte_history": history,
         "glossy_history": history,
         "direct_history": history,
+        "picture_history": history,
         "has_glossy_hit": u32::from(frame.glossy_hit_distance.is_some()),
         "has_roughness": u32::from(frame.roughness.is_some()),
     })
