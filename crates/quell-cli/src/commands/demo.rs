@@ -64,9 +64,9 @@ pub fn run(context: &Context, args: DemoArgs) -> Result<(), Failure> {
     Job { scene, camera: CAMERA, frames, options, denoise: true, references, files }.run(context)
 }
 
-/// How the demo samples light: one matte and one glossy path a pixel.
+/// How the demo samples light: one matte and one glossy path a pixel, from another place of it in every frame.
 fn options(size: Size) -> RenderOptions {
-    RenderOptions::new(size)
+    RenderOptions { jitter: true, ..RenderOptions::new(size) }
 }
 
 /// Makes the frames that are embedded, from both halves; resumable through the cache.

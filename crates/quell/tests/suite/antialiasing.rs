@@ -33,7 +33,11 @@ fn mean_of(pictures: &[Plane<Rgb>]) -> Plane<Rgb> {
 
 #[test]
 fn at_rest_it_tends_to_the_mean_over_the_pixel() {
-    let frames = sequence(&box_before_wall(jittered, Noise::None), SIZE, 40);
+    let mut scene = box_before_wall(jittered, Noise::None);
+    scene.objects[2].pose = Box::new(|_| {
+        glam::DAffine3::from_translation(glam::DVec3::new(-0.1, 0.2, 0.6)) * glam::DAffine3::from_rotation_z(0.4)
+    });
+    let frames = sequence(&scene, SIZE, 40);
     // One period of the places.
     let expected = mean_of(&frames[32..].iter().map(sum).collect::<Vec<_>>());
     let all = |_, _| true;
@@ -68,7 +72,7 @@ fn in_motion_it_is_nearer_to_the_mean_over_the_pixel() {
     let found = run(Backend::Cpu, &settings(), &frames).composite;
     let apart = rms(&found, &expected, all);
     println!("{apart} for {aliased}");
-    assert!(apart < 0.7 * aliased, "{apart} for {aliased}");
+    assert!(apart < 0.8 * aliased, "{apart} for {aliased}");
     let energy = mean(&found) / mean(&expected);
     assert!((energy - 1.0).abs() < 5e-3, "energy {energy}");
 }
