@@ -9,7 +9,7 @@ Those of the README: 2 samples a pixel beside what `quell denoise` makes of them
 
 and of the real-time filter, once its history is full:
 
-    quell render glossy-room -o strip --size 260x146 --frames 0-23 --reference 48 --reference-frames 12-23
+    quell render glossy-room -o strip --size 260x146 --frames 0-23 --jitter --reference 128 --reference-frames 12-23
     python3 benchmarks/exr_moving.py docs/media/demo.png strip/noisy strip/denoised strip/reference --exposure 1.25 --colours 40,100,100
 
 Frames that all folders have are shown, in order. Each panel has a palette of its own (255 colours together; a noisy one needs
