@@ -148,7 +148,8 @@ typedef struct quell_camera {
     size_t struct_size;
     float clip_from_world[16]; /* column-major, without jitter: projection times view */
     float position[3];         /* of the eye, in world space */
-    float jitter[2];           /* where samples lie, in pixels from the pixels' centres, x right, y down */
+    float jitter[2];           /* where samples lie, in pixels from the pixels' centres, x right, y down; where it is not 0, now or in
+                                  the frame before, preset quality anti-aliases the picture over time */
 } quell_camera;
 
 /* A frame of the real-time filter. Planes are described as passes are, by name (role is not read):
@@ -185,7 +186,8 @@ quell_status quell_realtime_set(quell_realtime *denoiser, const char *parameter,
  * was. */
 quell_status quell_realtime_denoise(quell_realtime *denoiser, const quell_realtime_frame *frame, int *had_history);
 
-/* Puts what the last frame became where target says: color (3, the sum), direct, matte, glossy (3, without weights), confidence
+/* Puts what the last frame became where target says: color (3, the sum; anti-aliased over
+ * time where frames are jittered), direct, matte, glossy (3, without weights), confidence
  * (1, 0..1), history_length (1, frames). */
 quell_status quell_realtime_read(quell_realtime *denoiser, const char *name, const quell_target *target);
 

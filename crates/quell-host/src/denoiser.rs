@@ -341,7 +341,8 @@ mod tests {
     #[test]
     fn tiles_give_the_bits_of_the_whole_picture() {
         let Some(gpu) = gpu() else { return };
-        let settings = Settings::default();
+        let mut settings = Settings::default();
+        settings.antialiasing.enabled = true;
         let size = Size::new(80, 80);
         let frames = frames(size, 6);
         let mut whole = Denoiser::new(gpu.clone(), size, &settings).unwrap();

@@ -15,7 +15,8 @@ pub struct Camera {
     /// Eye position in world space, the scene's own unit.
     pub position: [f32; 3],
     /// Where this frame's samples lie, in pixels from the pixel centres: pixel (x, y) was sampled at
-    /// (x + 0.5 + jitter.0, y + 0.5 + jitter.1).
+    /// (x + 0.5 + jitter.0, y + 0.5 + jitter.1). Where it is not 0, in this frame or the one before, the picture is anti-aliased over time
+    /// (`antialiasing`, or stage 11).
     pub jitter: [f32; 2],
 }
 

@@ -1,6 +1,7 @@
 //! The order of the stages, their switches, what each reads and writes. No other file knows it: back ends walk the
 //! [`Plan`] that is made here, so that it can be printed, timed stage by stage, bisected and ablated.
 
+use crate::camera::Camera;
 use crate::frame::{Frame, Signal};
 use crate::reach::{Reach, listing};
 use crate::settings::{Feedback, FireflyInput, Settings};
@@ -282,18 +283,30 @@ pub struct Inputs {
     pub matte: bool,
     /// It has the glossy signal.
     pub glossy: bool,
-    /// Its samples are jittered.
+    /// It has direct light.
+    pub direct: bool,
+    /// Its samples are jittered, or those of the frame before were.
     pub jitter: bool,
+}
+
+/// Whether samples move within pixels: a pattern may hold the centre itself.
+pub(crate) fn is_jittered(now: &Camera, before: &Camera) -> bool {
+    now.jitter != [0.0; 2] || before.jitter != [0.0; 2]
 }
 
 impl Inputs {
     /// Of a frame.
     pub fn of(frame: &Frame<'_>) -> Self {
-        Self { matte: frame.matte.is_some(), glossy: frame.glossy.is_some(), jitter: frame.camera.jitter != [0.0; 2] }
+        Self {
+            matte: frame.matte.is_some(),
+            glossy: frame.glossy.is_some(),
+            direct: frame.direct.is_some(),
+            jitter: is_jittered(&frame.camera, &frame.previous_camera),
+        }
     }
 
     /// A frame that has everything.
-    pub const ALL: Self = Self { matte: true, glossy: true, jitter: true };
+    pub const ALL: Self = Self { matte: true, glossy: true, direct: true, jitter: true };
 
     /// Whether a signal is there.
     pub fn has(&self, signal: Signal) -> bool {
@@ -459,7 +472,7 @@ impl Plan {
             if inputs.glossy { glossy_steps(&mut steps, settings) } else { (Image::GlossyInput, None) };
         // The picture as a whole or its direct light alone.
         let antialiases = inputs.jitter && settings.antialiasing.enabled;
-        let direct_output = if inputs.jitter && settings.direct_taa.enabled && !antialiases {
+        let direct_output = if inputs.jitter && inputs.direct && settings.direct_taa.enabled && !antialiases {
             let reads = [Image::DirectHistory, Image::Guides];
             steps.add(Stage::DirectTaa, Image::DirectInput, Image::DirectAntialiased, &reads, &[])
         } else {

@@ -402,7 +402,7 @@ parameters! {
             higher "Sharper in motion.", lower "Smoother and more blurred in motion: every fetch between pixels blurs.", source "ours";
         gamma: f32 = 1.5, 0.0..=16.0, "standard deviations", "History is held to the mean of 3x3 pixels plus and minus so many.",
             higher "Thin things keep more history; more ghosting.", lower "Less ghosting, more shimmer.",
-            source "variance clipping: Salvi, GDC 2016 (talk)";
+            source "mean and deviation: Salvi, GDC 2016 (talk), who clips towards the mean; here each channel of YCoCg is clamped";
         change_falloff: f32 = 40.0, 0.0..=1000.0, "per relative change", "Frames of history are divided by 1 plus this times the share of its luminance that the clamp changed.",
             higher "Light that moves lags less.", lower "Smoother.", source "ours";
     }

@@ -20,6 +20,7 @@ METHODS
                                    with the nearest
   quell:paper+no-virtual           one of the talk's ablations
   quell:paper+firefly.enabled=off  any parameter
+  svgf+taa                         a baseline behind quell's temporal anti-aliasing, for --jitter
   quell:sequence                   the filter of `quell denoise`, which sees frames before and after
   mine=DIR                         finished frames of your own: EXR files with R, G, B, the frame
                                    number last (any.0012.exr)

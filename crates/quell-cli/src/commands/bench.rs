@@ -235,7 +235,7 @@ fn is_3_to_10(stage: Stage) -> bool {
 
 /// The same with stage 11.
 fn is_filter(name: &str) -> bool {
-    Stage::ALL.into_iter().any(|stage| stage.name() == name && stage != Stage::Composite)
+    Stage::ALL.into_iter().any(|stage| stage.name() == name && !matches!(stage, Stage::Composite | Stage::Antialiasing))
 }
 
 /// Denoises the frame again and again as if it were a sequence; the first are not counted.

@@ -1,6 +1,7 @@
 //! Temporal accumulation, a-trous, SVGF and BMFR by what they must do to pictures with a known answer.
 
 use quell::{Camera, FrameBuf, Plane, Size};
+use quell_lab::methods::taa::Taa;
 use quell_lab::methods::{Input, Method, parse};
 use quell_lab::tone::luminance;
 
@@ -159,10 +160,12 @@ fn history_follows_motion() {
 #[test]
 fn taa_behind_a_method_is_the_stage_of_quality() {
     let mut whole = parse("quell:quality").unwrap();
-    let mut apart = parse("quell:quality+antialiasing.enabled=off+direct_taa.enabled=off+taa").unwrap();
+    let stages_before = parse("quell:quality+antialiasing.enabled=off+direct_taa.enabled=off").unwrap();
+    let mut apart = Taa::behind(stages_before).unwrap();
     let mut before = parse("quell:quality+antialiasing.enabled=off").unwrap();
     assert_eq!(parse("svgf+taa").unwrap().name(), "svgf+taa");
     assert!(parse("quell:sequence+taa").is_err(), "its pictures come late");
+    assert!(parse("quell:quality+taa").is_err(), "it has the stage itself");
     for index in 0..6 {
         let mut f = noisy_wall(index);
         f.camera.jitter = [[0.25, -0.3], [-0.1, 0.4]][index as usize % 2];
@@ -172,7 +175,7 @@ fn taa_behind_a_method_is_the_stage_of_quality() {
             apart.reset();
             before.reset();
         }
-        let found = run(apart.as_mut(), &f);
+        let found = run(&mut apart, &f);
         assert!(found == run(whole.as_mut(), &f), "frame {index}");
         assert_eq!(found != run(before.as_mut(), &f), index % 3 > 0, "frame {index}");
     }

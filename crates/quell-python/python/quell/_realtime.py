@@ -27,7 +27,8 @@ class Camera:
     """The camera of a frame.
 
     `clip_from_world`: (4, 4), takes world points (column vectors) to clip space, x right, y up; only rows x, y and w are
-    used. `position`: of the eye in world space. `jitter`: where samples lie, in pixels from the pixel centres.
+    used. `position`: of the eye in world space. `jitter`: where samples lie, in pixels from the pixel centres; where it is
+    not 0, preset `quality` anti-aliases the picture over time.
     """
 
     clip_from_world: np.ndarray
@@ -62,7 +63,7 @@ class Camera:
 class Denoised:
     """What the real-time filter made of a frame.
 
-    `color`: the picture, (height, width, 3). `matte` and `glossy`: the filtered signals without their weights, or None.
+    `color`: the picture, (height, width, 3), anti-aliased over time where frames are jittered. `matte` and `glossy`: the filtered signals without their weights, or None.
     `confidence`: (height, width), 0..1, 0 where there was no history. `had_history`: whether any was used.
     """
 

@@ -31,7 +31,8 @@ pub struct RenderOptions {
     pub estimator: Estimator,
     /// Stratified shadow rays a pixel of the direct term.
     pub direct_samples: u32,
-    /// Moves the sample positions of whole frames within the pixel, for temporal anti-aliasing.
+    /// Moves the sample positions of whole frames within the pixel, for temporal anti-aliasing. References are then means over the pixel's
+    /// area.
     pub jitter: bool,
     /// Largest luminance of a matte or glossy sample; more is scaled down, which loses energy. 0: off.
     pub indirect_clamp: f32,

@@ -55,7 +55,8 @@ pub struct Reference {
     pub beauty: Plane<Rgb>,
     /// Mean of the direct term; zeros for the full integral.
     pub direct: Plane<Rgb>,
-    /// Mean of M; zeros for the full integral.
+    /// Mean of M; zeros for the full integral. With jitter, as of `glossy`, over all that a pixel shows: times the weights of a frame they do
+    /// not make `beauty`.
     pub matte: Plane<Rgb>,
     /// Mean of G; zeros for the full integral.
     pub glossy: Plane<Rgb>,
@@ -190,20 +191,20 @@ impl Tracer<'_> {
                 }
             }
             ReferenceKind::Factored => {
-                let mut primary = integrator.primary(views, Self::sample_position(views, x, y), rays);
+                let primary_at = |position: Vec2, rays: &mut RayCounts| integrator.primary(views, position, rays);
+                let mut primary = None;
                 // One pass of the direct term serves several paths: it has less noise.
                 let direct_samples = options.direct_samples.min(REFERENCE_DIRECT_SAMPLES);
                 for sample in samples {
                     let sampler = Sampler::new(pixel, self.frame, sample, seed);
-                    if options.jitter {
-                        let position = Self::reference_position(views, options, (x, y), &sampler);
-                        primary = integrator.primary(views, position, rays);
-                    }
-                    let direct = self.unfiltered(integrator, &primary, direct_samples, sample, &sampler, rays);
+                    let known = primary.take().filter(|_| !options.jitter);
+                    let position = Self::reference_position(views, options, (x, y), &sampler);
+                    let primary = primary.insert(known.unwrap_or_else(|| primary_at(position, rays)));
+                    let direct = self.unfiltered(integrator, primary, direct_samples, sample, &sampler, rays);
                     let (m, g) = match &primary.surface {
                         None => (Vec3::ZERO, Vec3::ZERO),
                         Some(surface) => {
-                            let (m, g) = signals(integrator, &primary, surface, &sampler, rays);
+                            let (m, g) = signals(integrator, primary, surface, &sampler, rays);
                             (m.radiance, g.radiance)
                         }
                     };

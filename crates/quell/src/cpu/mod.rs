@@ -166,6 +166,7 @@ impl Cpu {
         }
         if !plan.runs(Stage::Antialiasing) {
             self.picture_history = None;
+            self.picture_room = PictureHistory::default();
         }
         self.guides = Some(guides);
         result

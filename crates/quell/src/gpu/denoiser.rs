@@ -57,7 +57,7 @@ pub struct Denoiser {
 fn wanted(plan: &Plan, contents: Contents, composite: bool) -> Plan {
     let mut plan = plan.clone();
     let has_light = contents.direct || contents.matte.is_some() || contents.glossy.is_some();
-    if !composite || !contents.direct {
+    if !composite {
         plan.steps.retain(|s| s.stage != Stage::DirectTaa);
         plan.direct_output = Image::DirectInput;
     }

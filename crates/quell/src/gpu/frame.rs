@@ -11,7 +11,7 @@ use super::tile::Tile;
 use crate::camera::Camera;
 use crate::frame::Signal as Lobe;
 use crate::history::passes_key;
-use crate::pipeline::Image;
+use crate::pipeline::{Image, is_jittered};
 use crate::plane::Size;
 
 /// One signal of a frame: colour textures of the caller's.
@@ -186,7 +186,7 @@ impl<'a> Frame<'a> {
             matte: self.matte.map(|s| s.contents()),
             glossy: self.glossy.map(|s| s.contents()),
             direct: self.direct.is_some(),
-            jitter: self.camera.jitter != [0.0; 2],
+            jitter: is_jittered(&self.camera, &self.previous_camera),
             joint: Lobe::ALL.map(|signal| self.joint_of(signal).count() as u16),
             textures: matches!(self.guides, Guides::Textures(_)),
             counts: false,

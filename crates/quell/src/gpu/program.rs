@@ -29,7 +29,7 @@ pub struct Contents {
     pub glossy: Option<SignalContents>,
     /// Direct light.
     pub direct: bool,
-    /// Its samples are jittered.
+    /// Its samples are jittered, or those of the frame before were.
     pub jitter: bool,
     /// Planes that are tied to the matte and to the glossy signal.
     pub joint: [u16; 2],
@@ -56,7 +56,7 @@ impl Contents {
 
     /// What the plan depends on.
     pub const fn inputs(self) -> Inputs {
-        Inputs { matte: self.matte.is_some(), glossy: self.glossy.is_some(), jitter: self.jitter }
+        Inputs { matte: self.matte.is_some(), glossy: self.glossy.is_some(), direct: self.direct, jitter: self.jitter }
     }
 }
 

@@ -92,12 +92,35 @@ fn without_jitter_and_after_a_cut_the_picture_is_the_sum() {
         // History is forgotten; a frame without jitter forgets it, too.
         last.index = 9;
         assert!(denoise(&mut denoiser.clone(), last).composite == denoise(&mut without, last).composite);
-        let (index, jitter) = (3, last.camera.jitter);
-        (last.index, last.camera.jitter) = (index, [0.0; 2]);
+        let (index, jitter, jitter_before) = (3, last.camera.jitter, last.previous_camera.jitter);
+        last.index = index;
+        // A pattern may hold the centre itself: the frame before was jittered.
+        last.camera.jitter = [0.0; 2];
+        assert!(denoise(&mut denoiser.clone(), last).composite != denoise(&mut without, last).composite);
+        last.previous_camera.jitter = [0.0; 2];
         assert!(denoise(&mut denoiser, last).composite == denoise(&mut without, last).composite);
         (last.index, last.camera.jitter) = (index + 1, jitter);
         assert!(denoise(&mut denoiser, last).composite == denoise(&mut without, last).composite);
-        last.index = index;
+        (last.index, last.previous_camera.jitter) = (index, jitter_before);
+    }
+}
+
+#[test]
+fn a_stage_that_was_off_begins_anew() {
+    let frames = sequence(&box_before_wall(jittered, Noise::None), SIZE, 7);
+    let (on, off) = (settings(), Settings::default().without_denoising());
+    for backend in [Backend::Cpu, Backend::Reference] {
+        let mut denoiser = Denoiser::with_backend(SIZE, &settings(), backend).unwrap();
+        let mut fresh = Denoiser::with_backend(SIZE, &settings(), backend).unwrap();
+        for (i, frame) in frames.iter().enumerate() {
+            denoiser.set_settings(if (3..5).contains(&i) { &off } else { &on }).unwrap();
+            let found = denoise(&mut denoiser, frame).composite;
+            match i {
+                3 | 4 => assert!(found == sum(frame), "{backend:?} {i}"),
+                5 | 6 => assert!(found == denoise(&mut fresh, frame).composite, "{backend:?} {i}"),
+                _ => {}
+            }
+        }
     }
 }
 

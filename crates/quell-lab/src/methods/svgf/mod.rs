@@ -3,7 +3,7 @@
 //! Illumination", HPG 2017).
 //!
 //! The paper filters direct and indirect light separately and without albedo; here these are matte and glossy. Its last
-//! stage, temporal anti-aliasing, is left out: frames have no jitter and references no pixel filter.
+//! stage, temporal anti-aliasing, is left out, since frames have no jitter as a rule; `svgf+taa` has quell's.
 //! Departures: `docs/baselines.md`.
 
 mod levels;

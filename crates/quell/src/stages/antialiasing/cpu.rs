@@ -166,8 +166,9 @@ pub(crate) fn fetch(history: &History, (w, h): (usize, usize), places: &Places<'
         while n < RUN && x + n < w && base(x + n) == Some((bx + n as isize, by)) {
             n += 1;
         }
-        // Rows hold at the picture's edges; columns must not have to.
-        let whole = bx >= 1 && bx + n as isize + 2 <= w as isize;
+        // Rows beyond the picture's edges are those at them; a run of columns must lie within, and ends where it no longer does.
+        let whole = bx >= 1 && bx + 3 <= w as isize;
+        n = n.min((w as isize - 2 - bx).max(1) as usize);
         if whole {
             run(history, (w, h), (x, n), (bx as usize, by), to);
         } else {

@@ -100,6 +100,7 @@ fn every_program(mut check: impl FnMut(&Program, &str)) {
         Contents { matte: None, glossy: none, joint: [0, 1], textures: true, counts: true, ..Contents::default() },
         Contents { textures: true, ..Contents::USUAL },
         Contents { counts: true, ..Contents::default() },
+        Contents { direct: false, ..Contents::USUAL },
     ];
     for feedback in ["temporal", "prefilter", "blend", "firefly", "bilateral"] {
         for mask in 0..1u32 << switches.len() {
