@@ -47,6 +47,17 @@ pub fn rgb_from_ycocg(c: [f32; 3]) -> Rgb {
     [t + c[1], c[0] + c[2], t - c[1]]
 }
 
+/// Weights of four pixels in a row for a place at `t` (0 to 1) between the second and the third (Catmull and Rom 1974); their sum is 1.
+#[inline(always)]
+pub(crate) fn catmull_rom(t: f32) -> [f32; 4] {
+    [
+        ((-0.5 * t + 1.0) * t - 0.5) * t,
+        (1.5 * t - 2.5) * t * t + 1.0,
+        ((-1.5 * t + 2.0) * t + 0.5) * t,
+        (0.5 * t - 0.5) * t * t,
+    ]
+}
+
 /// e^x for x <= 0 in single precision: relative error under 3e-7 down to -80, 0 below.
 ///
 /// Range reduction by ln 2 and a polynomial of degree 6; plain multiplications and additions, so every instruction

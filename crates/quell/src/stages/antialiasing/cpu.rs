@@ -1,9 +1,9 @@
 //! The picture's anti-aliasing on rows: every sum in the order of the reference, so that the bits are the same.
 
-use super::{believed, catmull_rom, share};
+use super::{believed, share};
 use crate::frame::Rgb;
 use crate::kernels::clip::ColourBox;
-use crate::kernels::math::{luminance, three, ycocg_from_rgb};
+use crate::kernels::math::{catmull_rom, luminance, three, ycocg_from_rgb};
 use crate::settings::Antialiasing;
 
 /// Rows above, here and below, as far as there are any.

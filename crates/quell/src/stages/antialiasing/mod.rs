@@ -26,17 +26,6 @@ pub mod reference;
 use crate::reach::Reach;
 use crate::settings::Antialiasing;
 
-/// Weights of four pixels in a row for a place at `t` (0 to 1) between the second and the third. Their sum is 1.
-#[inline(always)]
-pub(crate) fn catmull_rom(t: f32) -> [f32; 4] {
-    [
-        ((-0.5 * t + 1.0) * t - 0.5) * t,
-        (1.5 * t - 2.5) * t * t + 1.0,
-        ((-1.5 * t + 2.0) * t + 0.5) * t,
-        (0.5 * t - 0.5) * t * t,
-    ]
-}
-
 /// Share of the new frame where history holds `frames` and lies at `(u, v)` between pixels.
 #[inline(always)]
 pub(crate) fn share(frames: f32, [u, v]: [f32; 2], s: &Antialiasing) -> f32 {

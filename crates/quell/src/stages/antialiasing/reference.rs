@@ -1,10 +1,10 @@
 //! The specification of the picture's anti-aliasing.
 
-use super::{believed, catmull_rom, share};
+use super::{believed, share};
 use crate::border::Guides;
 use crate::frame::Rgb;
 use crate::kernels::clip::ColourBox;
-use crate::kernels::math::luminance;
+use crate::kernels::math::{catmull_rom, luminance};
 use crate::plane::Plane;
 use crate::settings::{Antialiasing, Clip};
 use glam::Vec2;

@@ -6,6 +6,7 @@ use crate::frame::Rgb;
 use crate::kernels::bands_cpu::Band;
 use crate::kernels::guide_distance::weight;
 use crate::kernels::lanes::{BLOCK, load};
+use crate::kernels::math::catmull_rom;
 use crate::kernels::motion_cpu::{motion_of, nearest};
 use crate::par;
 use crate::plane::Plane;
@@ -434,14 +435,6 @@ struct CubicTaps {
 
 impl CubicTaps {
     fn new(features: &Features, (x, y): (f32, f32)) -> Self {
-        let spline = |t: f32| {
-            [
-                ((-0.5 * t + 1.0) * t - 0.5) * t,
-                (1.5 * t - 2.5) * t * t + 1.0,
-                ((-1.5 * t + 2.0) * t + 0.5) * t,
-                (0.5 * t - 0.5) * t * t,
-            ]
-        };
         let place = |v: f32, limit: usize| {
             [0isize, 1, 2, 3].map(|i| (v.floor() as isize + i - 1).clamp(0, limit as isize - 1) as usize)
         };
@@ -449,7 +442,7 @@ impl CubicTaps {
         Self {
             x: place(x, features.size.width),
             y: place(y, features.picture_height).map(|row| row.saturating_sub(features.first_row).min(last)),
-            weights: [spline(x - x.floor()), spline(y - y.floor())],
+            weights: [catmull_rom(x - x.floor()), catmull_rom(y - y.floor())],
             width: features.size.width,
         }
     }
