@@ -155,13 +155,9 @@ impl Tracer<'_> {
         Ok(reference)
     }
 
-    /// Where a sample lies in the picture: anywhere in the pixel where samples are jittered, else where all frames' samples lie.
-    fn reference_position(views: &Views, options: &RenderOptions, (x, y): (usize, usize), sampler: &Sampler) -> Vec2 {
-        if options.jitter {
-            Vec2::new(x as f32, y as f32) + sampler.fork(Domain::Pixel as u32).next_2d()
-        } else {
-            Self::sample_position(views, x, y)
-        }
+    /// Where a sample lies in the picture, anywhere in its pixel.
+    fn area_position((x, y): (usize, usize), sampler: &Sampler) -> Vec2 {
+        Vec2::new(x as f32, y as f32) + sampler.fork(Domain::Pixel as u32).next_2d()
     }
 
     #[expect(clippy::too_many_arguments, reason = "called from one place")]
@@ -184,22 +180,32 @@ impl Tracer<'_> {
             ReferenceKind::FullIntegral => {
                 for sample in samples {
                     let sampler = Sampler::new(pixel, self.frame, sample, seed);
-                    let position = Self::reference_position(views, options, (x, y), &sampler);
+                    let position = if options.jitter {
+                        Self::area_position((x, y), &sampler)
+                    } else {
+                        Self::sample_position(views, x, y)
+                    };
                     let (origin, direction, cone) = integrator.eye_ray(views, position);
                     let mut sampler = sampler.fork(Domain::Full as u32);
                     beauty.push(integrator.full(origin, direction, cone, &mut sampler, rays));
                 }
             }
             ReferenceKind::Factored => {
-                let primary_at = |position: Vec2, rays: &mut RayCounts| integrator.primary(views, position, rays);
-                let mut primary = None;
+                // Without jitter all samples see the same surface.
+                let shared =
+                    (!options.jitter).then(|| integrator.primary(views, Self::sample_position(views, x, y), rays));
                 // One pass of the direct term serves several paths: it has less noise.
                 let direct_samples = options.direct_samples.min(REFERENCE_DIRECT_SAMPLES);
                 for sample in samples {
                     let sampler = Sampler::new(pixel, self.frame, sample, seed);
-                    let known = primary.take().filter(|_| !options.jitter);
-                    let position = Self::reference_position(views, options, (x, y), &sampler);
-                    let primary = primary.insert(known.unwrap_or_else(|| primary_at(position, rays)));
+                    let own;
+                    let primary = match &shared {
+                        Some(primary) => primary,
+                        None => {
+                            own = integrator.primary(views, Self::area_position((x, y), &sampler), rays);
+                            &own
+                        }
+                    };
                     let direct = self.unfiltered(integrator, primary, direct_samples, sample, &sampler, rays);
                     let (m, g) = match &primary.surface {
                         None => (Vec3::ZERO, Vec3::ZERO),
