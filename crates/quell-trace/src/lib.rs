@@ -10,7 +10,7 @@
 //! texture/, cone.rs, appearance.rs   images with levels of detail, ray cones, what they make of a point
 //! lights/, environment/, sources.rs  everything that emits, sampled by importance
 //! sampler.rs, warp.rs             low-discrepancy numbers; maps from the unit square
-//! primary.rs      primary surface replacement through glass and mirrors
+//! primary.rs, curved_mirror.rs    primary surface replacement through glass and mirrors; motion of images in curved ones
 //! integrator.rs, tracer/          light transport; the frame's planes and references
 //! gpu/            the same on a GPU, in the WGSL files that lie beside the Rust files (feature `gpu`)
 //! ```
@@ -33,6 +33,7 @@ mod builtin;
 mod bvh;
 pub mod camera_paths;
 mod cone;
+mod curved_mirror;
 pub mod environment;
 mod geometry;
 pub mod gltf;

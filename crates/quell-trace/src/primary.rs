@@ -1,12 +1,12 @@
 //! The primary surface of a pixel: what is hit first, or what is seen through smooth glass and in mirrors.
 //!
-//! Primary surface replacement: where the eye ray meets smooth glass (and, as an option, a perfect mirror) it is
-//! followed to the surface behind. That surface is handed to the denoiser *unfolded*, as if the eye ray had gone on
+//! Primary surface replacement: where the eye ray meets smooth glass or a perfect mirror it is followed to the surface behind. That surface is handed to the denoiser *unfolded*, as if the eye ray had gone on
 //! straight: depth along the chain, normal mirrored back through it, motion from projecting the virtual point of this
-//! frame and of the one before.
+//! frame and of the one before. In one curved mirror the image moves otherwise than in its tangent plane: `curved_mirror.rs`.
 
 use crate::bsdf::Bsdf;
 use crate::cone::Cone;
+use crate::curved_mirror::{CurvedMirror, Shown};
 use crate::integrator::{Integrator, RayCounts};
 use crate::world::{SurfacePoint, Veils};
 use glam::{Vec2, Vec3};
@@ -25,9 +25,9 @@ pub enum PrimaryReplacement {
     /// None: glass is a surface; what is seen through it is traced into the direct term.
     Off,
     /// Smooth glass.
-    #[default]
     Glass,
-    /// Smooth glass and perfect mirrors.
+    /// Smooth glass and perfect mirrors: what they show is denoised as what is seen directly.
+    #[default]
     GlassAndMirrors,
 }
 
@@ -107,9 +107,9 @@ pub(crate) fn link(bsdf: &Bsdf, replacement: PrimaryReplacement) -> Option<Link>
     None
 }
 
-/// The plane of a mirror in this frame and in the one before.
-struct MirrorPlanes {
-    point: Vec3,
+/// The tangent plane of a mirror in this frame and in the one before.
+struct Mirror {
+    surface: SurfacePoint,
     normal: Vec3,
     previous_point: Vec3,
     previous_normal: Vec3,
@@ -146,13 +146,19 @@ impl Integrator<'_, '_> {
         let mut throughput = Vec3::ONE;
         let mut length = 0.0;
         let mut glass: Vec<Vertex> = Vec::new();
-        let mut mirrors: Vec<MirrorPlanes> = Vec::new();
+        let mut mirrors: Vec<Mirror> = Vec::new();
         // Stays 0 while the chain only looks straight through panes: light behind them is the same as beside them.
         let mut chain_id = 0_u32;
         loop {
             rays.closest += 1;
             let Some(hit) = self.world.closest(origin, direction, Veils::All) else {
-                let guides = background(views, direction, chain_id != 0);
+                let motion = match (chain_id, glass.as_slice()) {
+                    (0, _) => background_motion(views, direction, direction),
+                    (_, []) => self.mirrored_background_motion(views, eye_direction, direction, &mirrors),
+                    // A lens, whose own motion would have to be known.
+                    _ => Vec2::NAN,
+                };
+                let guides = background(motion);
                 return Primary { surface: None, glass, veils, behind, escape: (direction, throughput), guides };
             };
             length += hit.t;
@@ -183,7 +189,8 @@ impl Integrator<'_, '_> {
                 let replaced = !glass.is_empty() || !mirrors.is_empty();
                 let guides = if replaced {
                     let virtual_point = eye + eye_direction * length;
-                    self.virtual_guides(views, virtual_point, eye_direction, &point, &bsdf, &mirrors, chain_id)
+                    let mirrors = (mirrors.as_slice(), glass.is_empty());
+                    self.virtual_guides(views, virtual_point, eye_direction, &point, &bsdf, mirrors, chain_id)
                 } else {
                     Guides {
                         matte_weight: self.matte_weight(&bsdf),
@@ -221,11 +228,11 @@ impl Integrator<'_, '_> {
                     chain_id = chain_id.wrapping_mul(31).wrapping_add(point.instance + 1);
                     throughput *= weight;
                     origin = point.ray_origin(wi);
-                    mirrors.push(MirrorPlanes {
-                        point: point.position,
+                    mirrors.push(Mirror {
                         normal: bsdf.normal(),
                         previous_point: self.world.previous_position(&point),
                         previous_normal: self.world.previous_normal(&point, bsdf.normal()),
+                        surface: point,
                     });
                     wi
                 }
@@ -238,7 +245,48 @@ impl Integrator<'_, '_> {
         point.material.emitted(point.front).max_element() > 0.0
     }
 
-    /// Guides of a surface that is seen at the end of a chain; weights are the caller's.
+    /// The place on a curved mirror that showed this in the frame before. `None`: the mirror is plane, nothing moved, or it is not
+    /// found.
+    fn seen_in_curved(&self, views: &Views, mirror: &Mirror, moved: bool, shown: Shown) -> Option<Vec3> {
+        let moved = moved
+            || views.now.eye() != views.before.eye()
+            || mirror.previous_point != mirror.surface.position
+            || mirror.previous_normal != mirror.normal;
+        if !(moved && views.before.perspective) {
+            return None;
+        }
+        let (point, normal) = (mirror.previous_point, mirror.previous_normal);
+        let (edges, bend) = self.world.previous_bend(&mirror.surface, mirror.normal)?;
+        CurvedMirror { point, normal, edges, bend }.seen_at(views.before.eye().into(), shown)
+    }
+
+    /// Motion of what is infinitely far away in `direction`, seen along `eye_direction` in mirrors alone.
+    fn mirrored_background_motion(
+        &self,
+        views: &Views,
+        eye_direction: Vec3,
+        direction: Vec3,
+        mirrors: &[Mirror],
+    ) -> Vec2 {
+        if let [mirror] = mirrors
+            && let Some(place) = self.seen_in_curved(views, mirror, false, Shown::Direction(direction))
+        {
+            return match (views.now.pixel_of_direction(eye_direction), views.before.pixel(place)) {
+                (Some(now), Some(before)) => before - now,
+                _ => Vec2::NAN,
+            };
+        }
+        if !(views.now.perspective && views.before.perspective) {
+            return Vec2::NAN;
+        }
+        let mut previous = direction;
+        for mirror in mirrors.iter().rev() {
+            previous -= 2.0 * previous.dot(mirror.previous_normal) * mirror.previous_normal;
+        }
+        background_motion(views, eye_direction, previous)
+    }
+
+    /// Guides of a surface that is seen at the end of a chain; weights are the caller's. `mirrors`: and whether there is nothing else.
     #[expect(clippy::too_many_arguments, reason = "called from one place")]
     fn virtual_guides(
         &self,
@@ -247,16 +295,21 @@ impl Integrator<'_, '_> {
         eye_direction: Vec3,
         point: &SurfacePoint,
         bsdf: &Bsdf,
-        mirrors: &[MirrorPlanes],
+        (mirrors, alone): (&[Mirror], bool),
         chain_id: u32,
     ) -> Guides {
         let mut unfolded = point.position;
         let mut previous = self.world.previous_position(point);
         let mut normal = bsdf.normal();
-        for plane in mirrors.iter().rev() {
-            unfolded = mirrored(unfolded, plane.point, plane.normal);
-            previous = mirrored(previous, plane.previous_point, plane.previous_normal);
-            normal -= 2.0 * normal.dot(plane.normal) * plane.normal;
+        let mut curved = None;
+        if let ([mirror], true) = (mirrors, alone) {
+            let moved = previous != point.position;
+            curved = self.seen_in_curved(views, mirror, moved, Shown::Point(previous));
+        }
+        for mirror in mirrors.iter().rev() {
+            unfolded = mirrored(unfolded, mirror.surface.position, mirror.normal);
+            previous = mirrored(previous, mirror.previous_point, mirror.previous_normal);
+            normal -= 2.0 * normal.dot(mirror.normal) * mirror.normal;
         }
         // Refraction bends the chain: the virtual point lies on the eye ray, beside the unfolded one.
         let previous_virtual = previous + (virtual_point - unfolded);
@@ -272,7 +325,7 @@ impl Integrator<'_, '_> {
             view_depth: views.now.view_depth(virtual_point).max(f32::MIN_POSITIVE),
             normal: normal.normalize_or(-eye_direction),
             roughness: point.material.roughness.clamp(0.0, 1.0),
-            motion: motion(views, virtual_point, previous_virtual),
+            motion: motion(views, virtual_point, curved.unwrap_or(previous_virtual)),
             surface_id,
         }
     }
@@ -287,19 +340,22 @@ fn motion(views: &Views, now: Vec3, before: Vec3) -> Vec2 {
     }
 }
 
-/// Guides where nothing is hit: only the camera's rotation moves what is infinitely far away. `bent`: seen in a mirror
-/// or through a lens, whose own rotation would have to be known.
-fn background(views: &Views, direction: Vec3, bent: bool) -> Guides {
-    let motion = match (views.now.perspective, views.before.perspective) {
-        _ if bent => Vec2::NAN,
-        (true, true) => match (views.now.pixel_of_direction(direction), views.before.pixel_of_direction(direction)) {
+/// Motion of what is infinitely far away, seen in direction `now`, and in direction `before` had the eye been where it is: only the
+/// camera's rotation moves it.
+fn background_motion(views: &Views, now: Vec3, before: Vec3) -> Vec2 {
+    match (views.now.perspective, views.before.perspective) {
+        (true, true) => match (views.now.pixel_of_direction(now), views.before.pixel_of_direction(before)) {
             (Some(now), Some(before)) => before - now,
             _ => Vec2::NAN,
         },
         // An orthographic camera sees one direction everywhere: unknown unless it did not turn.
         (false, false) if views.now.forward() == views.before.forward() => Vec2::ZERO,
         _ => Vec2::NAN,
-    };
+    }
+}
+
+/// Guides where nothing is hit.
+fn background(motion: Vec2) -> Guides {
     Guides {
         matte_weight: Vec3::ZERO,
         glossy_weight: Vec3::ZERO,

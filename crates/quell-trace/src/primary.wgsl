@@ -191,6 +191,8 @@ fn primary(@builtin(global_invocation_id) id: vec3u) {
     var mirrors = 0u;
     var unfold = mat4x3f(vec3f(1.0, 0.0, 0.0), vec3f(0.0, 1.0, 0.0), vec3f(0.0, 0.0, 1.0), vec3f());
     var previous_unfold = unfold;
+    // The first mirror.
+    var mirror: CurvedMirror;
     var veils = 0u;
     var behind = 0u;
     var chain_id = 0u;
@@ -203,7 +205,17 @@ fn primary(@builtin(global_invocation_id) id: vec3u) {
         let hit = closest(origin, direction, Veils(true, vec2u()));
         if hit.t >= INFINITE {
             slots[i] = Slot(direction, INFINITE, throughput, 0.0, vec2f(), 0.0, NONE, ESCAPED, 0u, 0u, 0u);
-            store_background(i, direction, chain_id != 0u);
+            var motion = vec2f(UNKNOWN_MOTION);
+            if chain_id == 0u {
+                motion = background_motion(direction, direction);
+            } else if MIRRORS && glass == 0u && frame.far_motion == FAR_TURNS {
+                motion = background_motion(eye.direction, previous_unfold * vec4f(direction, 0.0));
+                let place = seen_in_curved(mirror, false, vec4f(direction, 0.0));
+                if mirrors == 1u && place.w > 0.0 {
+                    motion = motion_of(vec4f(eye.direction, 0.0), place - vec4f(frame.eye, 0.0));
+                }
+            }
+            store_background(i, motion);
             break;
         }
         reach += hit.t;
@@ -246,17 +258,21 @@ fn primary(@builtin(global_invocation_id) id: vec3u) {
             var position = point.position;
             var before = previous_position(point);
             var normal = b.normal;
+            var in_curved = vec4f();
             var surface_id = point.instance + 1u;
             if glass + mirrors > 0u {
                 // Seen at the end of a chain: unfolded, as if the eye ray had gone on straight.
                 position = eye.origin + eye.direction * reach;
                 var straight = point.position;
                 if MIRRORS && mirrors > 0u {
+                    if mirrors == 1u && glass == 0u {
+                        in_curved = seen_in_curved(mirror, any(before != point.position), vec4f(before, 1.0));
+                    }
                     straight = unfold * vec4f(straight, 1.0);
                     before = previous_unfold * vec4f(before, 1.0);
                     normal = unfold * vec4f(normal, 0.0);
                 }
-                before += position - straight;
+                before = select(before + (position - straight), in_curved.xyz, in_curved.w > 0.0);
                 let away = dot(normal, eye.direction);
                 if away > -MIN_VIEW_COS {
                     normal = normalize_or(normal - eye.direction * (away + MIN_VIEW_COS), -eye.direction);
@@ -278,7 +294,11 @@ fn primary(@builtin(global_invocation_id) id: vec3u) {
         if is_mirror {
             chain_id = chain_id * 31u + point.instance + 1u;
             unfold = unfolded(unfold, point.position, b.normal);
-            previous_unfold = unfolded(previous_unfold, previous_position(point), previous_normal(point, b.normal));
+            let here = curved_mirror(point, b.normal);
+            previous_unfold = unfolded(previous_unfold, here.point, here.normal);
+            if mirrors == 0u {
+                mirror = here;
+            }
             mirrors += 1u;
             throughput *= next.weight;
             origin = ray_origin(point, next.wi);
@@ -311,14 +331,20 @@ fn set_motion(i: u32, motion: vec2f) {
     set_plane1(MOTION + 1u, i, motion.y);
 }
 
-// Guides where nothing is hit: only the camera's rotation moves what is infinitely far away. `bent`: seen through a lens.
-fn store_background(i: u32, direction: vec3f, bent: bool) {
-    var motion = vec2f(UNKNOWN_MOTION);
-    if !bent && frame.far_motion == FAR_IS_STILL {
-        motion = vec2f();
-    } else if !bent && frame.far_motion == FAR_TURNS {
-        motion = motion_of(vec4f(direction, 0.0), vec4f(direction, 0.0));
+// Motion of what is infinitely far away, seen in direction `now`, and in direction `before` had the eye been where it is: only the camera's
+// rotation moves it.
+fn background_motion(now: vec3f, before: vec3f) -> vec2f {
+    if frame.far_motion == FAR_IS_STILL {
+        return vec2f();
     }
+    if frame.far_motion == FAR_TURNS {
+        return motion_of(vec4f(now, 0.0), vec4f(before, 0.0));
+    }
+    return vec2f(UNKNOWN_MOTION);
+}
+
+// Guides where nothing is hit.
+fn store_background(i: u32, motion: vec2f) {
     set_plane3(MATTE_WEIGHT, i, vec3f());
     set_plane3(GLOSSY_WEIGHT, i, vec3f());
     set_plane1(ROUGHNESS, i, 1.0);

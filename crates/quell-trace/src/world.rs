@@ -463,7 +463,35 @@ impl<'s> World<'s> {
         let turned = Vec3::from(map.inverse().transpose() * glam::Vec3A::from(normal));
         turned.try_normalize().unwrap_or(normal)
     }
+
+    /// Two edges of the point's triangle one frame before, and by how much `normal`, a unit normal of the point, changes along each.
+    /// `None` where it does not: plane.
+    pub(crate) fn previous_bend(&self, point: &SurfacePoint, normal: Vec3) -> Option<([Vec3; 2], [Vec3; 2])> {
+        let source = self.geometry.source(point.triangle);
+        let placed = &self.placed[source.instance as usize];
+        let mesh = self.mesh(source.instance);
+        let (positions, normals) = match &placed.deformed {
+            None => (&mesh.positions, &mesh.normals),
+            Some([now, before]) => (&before.0, &now.1),
+        };
+        if normals.is_empty() {
+            return None;
+        }
+        let corners = mesh.triangles[source.triangle as usize];
+        let [a, b, c] = corners.map(|i| placed.previous_transform.transform_point3(positions[i as usize]));
+        let n = corners.map(|i| Vec3::from(placed.normal_matrix * normals[i as usize]).normalize_or_zero());
+        let Vec2 { x: u, y: v } = point.barycentric;
+        let mean = n[0] * (1.0 - u - v) + n[1] * u + n[2] * v;
+        let scale = if mean.dot(normal) < 0.0 { -1.0 } else { 1.0 } / mean.length();
+        let [first, second, third] = n.map(|n| self.previous_normal(point, n));
+        let bend = [(second - first) * scale, (third - first) * scale];
+        let curved = bend.iter().any(|b| b.length() > LEAST_BEND);
+        curved.then_some(([b - a, c - a], bend))
+    }
 }
+
+/// Change of a normal within a triangle that is no more than rounding.
+pub(crate) const LEAST_BEND: f32 = 1e-5;
 
 fn check_indices(scene: &Scene) -> Result<(), SceneError> {
     let check = |what: &'static str, index: usize, count: usize, place: &dyn Fn() -> Cow<'static, str>| {

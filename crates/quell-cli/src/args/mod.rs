@@ -16,7 +16,7 @@ pub use compare::CompareArgs;
 pub use denoise::DenoiseArgs;
 pub use doctor::DoctorArgs;
 use quell::Size;
-use quell_trace::Estimator;
+use quell_trace::{Estimator, PrimaryReplacement};
 use ranges::Frames;
 use scene::SceneArgs;
 pub use shaders::ShadersArgs;
@@ -207,6 +207,10 @@ pub struct SamplingArgs {
     /// Move the samples within the pixel from frame to frame: pictures are then anti-aliased over time
     #[arg(long)]
     pub jitter: bool,
+    /// Primary surface replacement: feature buffers, motion and both signals are those of the surface that is seen in perfect mirrors
+    /// and through smooth glass (mirrors), through smooth glass only (glass), or of the first surface always (off)
+    #[arg(long, value_name = "NAME", default_value = "mirrors", value_parser = values::primary_replacement)]
+    pub replacement: PrimaryReplacement,
     /// Largest luminance of a sample, 0: no limit; loses energy
     #[arg(long, value_name = "LUMINANCE", default_value = "0")]
     pub indirect_clamp: f32,

@@ -123,6 +123,16 @@ pub fn estimator(text: &str) -> Result<quell_trace::Estimator, String> {
     }
 }
 
+/// Primary surface replacement.
+pub fn primary_replacement(text: &str) -> Result<quell_trace::PrimaryReplacement, String> {
+    match text {
+        "off" => Ok(quell_trace::PrimaryReplacement::Off),
+        "glass" => Ok(quell_trace::PrimaryReplacement::Glass),
+        "mirrors" => Ok(quell_trace::PrimaryReplacement::GlassAndMirrors),
+        _ => Err(format!("unknown replacement `{text}`; there are off, glass, mirrors")),
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

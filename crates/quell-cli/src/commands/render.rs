@@ -72,6 +72,7 @@ pub fn options(size: Size, sampling: &SamplingArgs) -> Result<RenderOptions, Fai
         direct_samples: sampling.direct_samples.unwrap_or(defaults.direct_samples),
         jitter: sampling.jitter,
         indirect_clamp: sampling.indirect_clamp,
+        primary_replacement: sampling.replacement,
         variances: sampling.spp > 1,
         halves: sampling.spp > 1,
         ..defaults

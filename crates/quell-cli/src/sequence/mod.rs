@@ -25,7 +25,7 @@ use quell_lab::backend::{Denoiser, DeviceMemory};
 use quell_lab::report::{FrameStatus, Status};
 use quell_lab::tone::{Picture, Tone};
 use quell_lab::tracer::TraceOn;
-use quell_trace::{Control, RayCounts, RenderOptions, Scene};
+use quell_trace::{Control, PrimaryReplacement, RayCounts, RenderOptions, Scene};
 use references::{ReferencePicture, ReferenceSource};
 use scores::Scores;
 use serde_json::{Map, Value};
@@ -309,7 +309,12 @@ impl Job {
         let mut report = context.report();
         let o = &self.options;
         let estimator = if o.estimator == quell_trace::Estimator::Paper { "paper" } else { "exact" };
-        let own: [(&str, Value); 13] = [
+        let replacement = match o.primary_replacement {
+            PrimaryReplacement::Off => "off",
+            PrimaryReplacement::Glass => "glass",
+            PrimaryReplacement::GlassAndMirrors => "mirrors",
+        };
+        let own: [(&str, Value); 14] = [
             ("scene", self.scene.name.as_str().into()),
             ("scene_hash", quell_trace::scene_hash(&self.scene, o).into()),
             ("camera", self.camera.into()),
@@ -320,6 +325,7 @@ impl Job {
             ("estimator", estimator.into()),
             ("direct_samples", o.direct_samples.into()),
             ("jitter", o.jitter.into()),
+            ("replacement", replacement.into()),
             ("indirect_clamp", f64::from(o.indirect_clamp).into()),
             ("exposure", f64::from(self.scene.exposure).into()),
             ("denoise", self.denoise.into()),

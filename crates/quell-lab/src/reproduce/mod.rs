@@ -21,7 +21,7 @@ use crate::report::document::Section;
 use crate::report::table::significant;
 use crate::tracer::TraceOn;
 use quell::Size;
-use quell_trace::{RenderOptions, Scene};
+use quell_trace::{PrimaryReplacement, RenderOptions, Scene};
 use std::path::Path;
 use std::sync::atomic::AtomicBool;
 
@@ -68,6 +68,12 @@ pub struct Part<R> {
     pub rows: Vec<R>,
 }
 
+/// How a view is traced. Mirrors are surfaces, as the paper's filter has them.
+fn options(view: &View, samples: u32) -> RenderOptions {
+    let primary_replacement = PrimaryReplacement::Glass;
+    RenderOptions { samples, seed: view.seed, primary_replacement, ..RenderOptions::new(view.size) }
+}
+
 impl Workshop<'_> {
     /// Renders `frames` of a scene; `references` of them with references.
     fn sequence(
@@ -83,7 +89,7 @@ impl Workshop<'_> {
             scene,
             camera: view.camera,
             frames,
-            options: RenderOptions { samples, seed: view.seed, ..RenderOptions::new(view.size) },
+            options: options(view, samples),
             target: ReferenceTarget { samples: view.reference_samples.max(1), ..ReferenceTarget::default() },
             references: if view.reference_samples == 0 { Vec::new() } else { references },
             on: self.on,

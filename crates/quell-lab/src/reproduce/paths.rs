@@ -1,13 +1,13 @@
 //! The talk's introduction: 16 and 256 paths a pixel beside the denoised 2 and the reference.
 
-use super::{Part, View, Workshop, three};
+use super::{Part, View, Workshop, options, three};
 use crate::compare::sequence::default_choice;
 use crate::error::Error;
 use crate::methods::external::Competitor;
 use crate::metrics::{Exposures, FrameScores};
 use crate::report::document::{Figure, Section};
 use crate::report::table::Table;
-use quell_trace::{Control, RenderOptions, Scene};
+use quell_trace::{Control, Scene};
 use serde::Serialize;
 
 const DENOISED: &str = "quell:paper";
@@ -60,7 +60,7 @@ pub fn paths(shop: &Workshop<'_>, scenes: &[Scene], view: &View, frames: &[i64])
         for paths in PATHS {
             (shop.notify)(&format!("{}: {paths} paths", scene.name));
             let samples = (paths / 2).max(1);
-            let options = RenderOptions { samples, seed: view.seed, ..RenderOptions::new(view.size) };
+            let options = options(view, samples);
             let control = Control { cancel: shop.cancel, progress: None };
             pictures.push((format!("{paths} paths"), tracer.render(&options, &control)?.frame.composite()));
         }

@@ -159,6 +159,8 @@ pub(super) struct Frame {
     pub(super) width: u32,
     pub(super) forward: [f32; 3],
     pub(super) height: u32,
+    pub(super) previous_eye: [f32; 3],
+    pub(super) eye_moved: u32,
     pub(super) origin: [Row; 3],
     pub(super) direction: [Row; 3],
     /// Rows for u, v and w.
@@ -287,6 +289,6 @@ const _: () = {
     assert!(size_of::<Triangle>() == 48);
     assert!(size_of::<Instance>() == 208);
     assert!(size_of::<Surface>() == 496);
-    assert!(size_of::<Frame>() == 384);
+    assert!(size_of::<Frame>() == 400);
     assert!(size_of::<Job>() == 64);
 };

@@ -90,6 +90,9 @@ struct Frame {
     width: u32,
     forward: vec3f,
     height: u32,
+    previous_eye: vec3f,
+    // Whether it is another than `eye`.
+    eye_moved: u32,
     // World position of view depth 0, affine in the pixel coordinate; and world displacement of one unit of view depth.
     origin: mat3x3f,
     direction: mat3x3f,

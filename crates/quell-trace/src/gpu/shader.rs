@@ -3,7 +3,7 @@
 use super::layout;
 use super::pack::images::HEAP_WIDTH;
 use crate::integrator::{self, Domain};
-use crate::{appearance, bsdf, bvh, cone, environment, geometry, lights, material, primary};
+use crate::{appearance, bsdf, bvh, cone, curved_mirror, environment, geometry, lights, material, primary, world};
 
 /// What a program can do. Drivers drop what it cannot: kernels become smaller and faster.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -69,7 +69,7 @@ impl Variant {
 
 pub(super) const MAX_CHAIN: u32 = primary::MAX_CHAIN as u32;
 
-const FILES: [&str; 19] = [
+const FILES: [&str; 20] = [
     include_str!("scene.wgsl"),
     include_str!("../warp.wgsl"),
     include_str!("../sampler.wgsl"),
@@ -88,6 +88,7 @@ const FILES: [&str; 19] = [
     include_str!("../lights/lamp.wgsl"),
     include_str!("../lights/mod.wgsl"),
     include_str!("../environment.wgsl"),
+    include_str!("../curved_mirror.wgsl"),
     include_str!("../primary.wgsl"),
 ];
 
@@ -146,6 +147,7 @@ fn constants(v: Variant) -> String {
         ("BEHIND_SLOT", v.behind_slot()),
         ("HEAP_WIDTH", HEAP_WIDTH),
         ("MAX_CHAIN", MAX_CHAIN),
+        ("NEWTON_STEPS", curved_mirror::NEWTON_STEPS),
     ] {
         declare(name, "u32", format!("{value}u"));
     }
@@ -259,6 +261,8 @@ const NUMBERS: &[(&str, f32)] = &[
     ("ROULETTE_FLOOR", integrator::ROULETTE_FLOOR),
     ("GLOSSY_RAYS_MAX_ROUGHNESS", integrator::GLOSSY_RAYS_MAX_ROUGHNESS),
     ("VEIL_OPACITY", primary::VEIL_OPACITY),
+    ("LEAST_BEND", world::LEAST_BEND),
+    ("NEWTON_FOUND", curved_mirror::NEWTON_FOUND),
     ("SLACK", bvh::SLACK),
     ("LEAST_COMPONENT", bvh::LEAST_COMPONENT),
     ("OFFSET_SHARE", geometry::OFFSET_SHARE),

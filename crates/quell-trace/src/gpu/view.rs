@@ -48,6 +48,8 @@ pub(super) fn frame(views: &Views, size: Size) -> layout::Frame {
     layout::Frame {
         eye: eye.to_array(),
         forward: views.now.forward(),
+        previous_eye: views.before.eye(),
+        eye_moved: u32::from(views.before.eye() != views.now.eye()),
         width: size.width as u32,
         height: size.height as u32,
         origin: affine(|p| views.now.ray_origin(p)),

@@ -56,8 +56,20 @@ pub fn scene_hash(scene: &Scene, options: &RenderOptions) -> String {
     hash.number(u64::from(options.indirect_clamp.to_bits()));
     hash.number(u64::from(options.model.fresnel_strength.to_bits()));
     hash.number(u64::from(options.model.fresnel_rough_damping));
-    hash.number(options.primary_replacement as u64);
+    let replacement = match options.primary_replacement {
+        PrimaryReplacement::GlassAndMirrors if !may_mirror(scene) => PrimaryReplacement::Glass,
+        replacement => replacement,
+    };
+    hash.number(replacement as u64);
     format!("{:016x}", hash.finish())
+}
+
+/// Whether a surface may be a perfect mirror somewhere.
+fn may_mirror(scene: &Scene) -> bool {
+    scene.surfaces.iter().any(|surface| {
+        let varies = surface.textures.as_ref().is_some_and(|t| t.metallic_roughness.is_some());
+        surface.material.roughness < MIRROR_ROUGHNESS || varies
+    })
 }
 
 /// One frame of a scene seen by one camera, ready to be traced.

@@ -4,8 +4,8 @@ use crate::scenes::{closed_box, lambert};
 use glam::Vec3;
 use quell::{Plane, Size};
 use quell_trace::{
-    CameraPath, Control, Half, Instance, ReferenceKind, RenderOptions, Scene, SceneError, TraceError, Tracer, builtin,
-    scene_hash, shapes,
+    CameraPath, Control, Half, Instance, PrimaryReplacement, ReferenceKind, RenderOptions, Scene, SceneError,
+    TraceError, Tracer, builtin, scene_hash, shapes,
 };
 use std::sync::atomic::AtomicBool;
 
@@ -211,6 +211,11 @@ fn hashes_tell_scenes_and_options_apart() {
     assert_eq!(hash, scene_hash(&builtin("cornell-box").unwrap(), &options));
     assert_ne!(hash, scene_hash(&scene, &RenderOptions { bounces: 2, ..options }));
     assert_ne!(hash, scene_hash(&scene, &RenderOptions { seed: 1, ..options }));
+    // Whether mirrors are looked into matters where there are any.
+    let without = RenderOptions { primary_replacement: PrimaryReplacement::Glass, ..options };
+    assert_eq!(hash, scene_hash(&scene, &without));
+    let hall = builtin("mirror-hall").unwrap();
+    assert_ne!(scene_hash(&hall, &options), scene_hash(&hall, &without));
     let mut other = scene.clone();
     other.identity ^= 1;
     assert_ne!(hash, scene_hash(&other, &options));

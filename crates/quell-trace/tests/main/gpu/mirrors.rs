@@ -21,6 +21,8 @@ const PLANTED: &[(&str, &str)] = &[
         "b.fresnel_mirror, select(0.0, 1.0, bsdf_is_above",
         "b.fresnel_mirror * select(1.0, 0.99, SHOWN), select(0.0, 1.0, bsdf_is_above",
     ),
+    ("let along_u = half.slope_u - (", "let along_u = half.slope_u - select(1.0, 0.5, SHOWN) * ("),
+    ("sum += shown.xyz;", "sum += shown.xyz * select(1.0, 1.05, SHOWN);"),
 ];
 
 /// Two mirrors that face each other, one of them turned and moved, and scaled unevenly; between them a thing that moves.
@@ -44,6 +46,11 @@ fn scene() -> Scene {
     let facing = shapes::quad(Vec3::new(-3.0, -2.0, 9.0), Vec3::Y * 4.0, Vec3::X * 6.0);
     scene.place(facing, mirror);
     scene.place_moving(square(0.7), red, Track::function(moved));
+    let rolled = move |frame: f64| {
+        place(frame as f32, 2.5)
+            * Affine3A::from_rotation_translation(Quat::from_rotation_z(0.1 * frame as f32), Vec3::new(-1.1, 0.3, 0.0))
+    };
+    scene.place_moving(shapes::uv_sphere(0.8, 32, 16), mirror, Track::function(rolled));
     scene.place(shapes::quad(Vec3::new(-8.0, -2.0, -4.0), Vec3::Z * 20.0, Vec3::X * 16.0), grey);
     scene
         .lights
