@@ -55,12 +55,13 @@ RUNS = {
         },
     ),
     "quality": (
-        ["--preset", "quality", "--backend", "cpu", "--size", "320x180", "--count", "3"],
+        ["--preset", "quality", "--backend", "cpu", "--size", "320x180", "--count", "3", "--jitter"],
         {
             "all stages": "quell::cpu::Cpu::run",
             "changed_light": "quell::cpu::passes::change::run",
             "temporal": "quell::cpu::passes::temporal::run",
             "young_filter": "quell::cpu::passes::young_filter::run",
+            "antialiasing": "quell::cpu::passes::antialiasing::run",
         },
     ),
 }

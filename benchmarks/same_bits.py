@@ -35,7 +35,7 @@ CASES = [
     ("hall-past", HALL, ["denoise", HALL, "-o", "{out}", "--history", "past", "--frames", "6", "--backend", "cpu"]),
     ("mitsuba-box", BOX, ["denoise", BOX, "-o", "{out}"]),
     ("demo", None, ["demo", "-o", "{out}", "--size", "240x136", "--count", "6", "--exr"]),
-    ("mirror-hall", None, ["render", "mirror-hall", "-o", "{out}", "--spp", "2", *SMALL]),
+    ("mirror-hall", None, ["render", "mirror-hall", "-o", "{out}", "--spp", "2", "--replacement", "glass", *SMALL]),
     ("disocclusion", None, ["render", "disocclusion", "-o", "{out}", "--jitter", *SMALL]),
     ("mirror-hall-sequence", None, ["denoise", "{top}/mirror-hall/noisy", "-o", "{out}"]),
 ]

@@ -1,5 +1,5 @@
 // quell-denoise on the device of three.js' WebGPU renderer. three.js draws the G-buffer: emission, albedo, normals, velocity, depth. A small
-// path tracer adds one path a pixel, quell takes the noise out, three.js shows the picture.
+// path tracer adds one path a pixel, quell takes the noise out and smooths edges over time, three.js shows the picture.
 //
 // ?size=WxH; ?preset=paper; for scripts: ?frames=N stops after N frames under a moving camera (`window.state`, `picture()`), ?score=P compares the last with
 // P paths a pixel, ?still leaves things where they are, ?readback draws to a 2D canvas: a browser that runs WebGPU in software may have no WebGPU canvas.
@@ -72,8 +72,17 @@ function gBuffer() {
   return { target, nodes };
 }
 
-/** three.js' camera as quell takes it; after a render, which brings its matrices up to date. */
-const told = (camera) => ({ clipFromWorld: multiplied(camera.projectionMatrix.elements, camera.matrixWorldInverse.elements) });
+/** Where the samples of a frame lie in their pixels, from the middle: Halton's sequence in bases 2 and 3. */
+const jitterOf = (frame) => [2, 3].map((base) => {
+  let [value, share] = [-0.5, 1 / base];
+  for (let n = (frame % JITTERS) + 1; n > 0; n = Math.floor(n / base)) {
+    value += share * (n % base);
+    share /= base;
+  }
+  return value;
+});
+/** Frames after which the places repeat. */
+const JITTERS = 16;
 
 /** A texture of the device for three.js' nodes. */
 function shown(gpuTexture) {
@@ -102,17 +111,25 @@ async function run() {
   const controls = new OrbitControls(camera, canvas);
   controls.target.set(0, 1.2, -0.5);
   const { target, nodes } = gBuffer();
-  const drawGBuffer = () => {
+  /** Draws a frame whose samples lie off the pixels' middles; gives three.js' camera as quell takes it. */
+  const drawGBuffer = (jitter) => {
+    camera.clearViewOffset();
+    const projection = camera.projectionMatrix.clone();
+    // Velocity is that of surfaces, without the jitter.
+    velocity.setProjectionMatrix(projection);
+    camera.setViewOffset(width, height, ...jitter, width, height);
     renderer.setMRT(nodes);
     renderer.setRenderTarget(target);
     renderer.render(scene, camera);
     renderer.setRenderTarget(null);
     renderer.setMRT(null);
+    return { clipFromWorld: multiplied(projection.elements, camera.matrixWorldInverse.elements), jitter };
   };
 
   pose(0);
   controls.update();
-  drawGBuffer();
+  // The first render also makes the matrices for WebGPU's depth.
+  drawGBuffer([0, 0]);
   /** What three.js made on the device. */
   const gpu = (of) => renderer.backend.get(of).texture;
   const [emission, albedo, normal, velocity] = target.textures.map(gpu);
@@ -120,13 +137,13 @@ async function run() {
 
   const tracer = new Tracer(device, [width, height]);
   const preset = parameters.get("preset") ?? "quality";
-  const denoiser = await Denoiser.create(device, { width, height, preset, convention: "three" });
+  const denoiser = await Denoiser.create(device, { width, height, preset, convention: "three", jitter: true });
   const trace = (encoder, seed, paths) => {
     const buffer = { depth, normal, velocity };
     tracer.encode(encoder, { camera, meshes, lamp, sky: SKY, buffer, seed, paths });
   };
-  const denoise = (encoder) => denoiser.encode(encoder, {
-    camera: told(camera),
+  const denoise = (encoder, told) => denoiser.encode(encoder, {
+    camera: told,
     textures: {
       direct: emission,
       // Light without albedo; diffuse surfaces have no glossy light, metals no matte light.
@@ -144,10 +161,10 @@ async function run() {
     if (document.querySelector("#move").checked) pose(time);
     if (Number.isFinite(last)) camera.position.x = 0.6 * Math.sin(time);
     controls.update();
-    drawGBuffer();
+    const told = drawGBuffer(jitterOf(state.frames));
     const encoder = device.createCommandEncoder({ label: "trace and denoise" });
     trace(encoder, state.frames, 1);
-    const output = denoise(encoder);
+    const output = denoise(encoder, told);
     device.queue.submit([encoder.finish()]);
     await screen(output.composite);
     state.frames += 1;
@@ -163,7 +180,7 @@ async function run() {
     says.textContent = `${state.adapter}: ${state.frames} frames of ${width}x${height}`;
     window.picture = async () => Array.from(await read(device, output.composite));
     const paths = Number(parameters.get("score") ?? 0);
-    if (paths) state.score = await score(device, { tracer, trace, output, emission, albedo, paths });
+    if (paths) state.score = await score(device, { tracer, trace, drawGBuffer, output, emission, albedo, paths });
     return;
   }
   let [before, isBusy] = [performance.now(), false];
@@ -232,21 +249,22 @@ async function read(device, gpuTexture) {
   return values;
 }
 
-/** Relative squared error of the noisy and of the denoised picture against this frame at many paths a pixel. */
-async function score(device, { tracer, trace, output, emission, albedo, paths }) {
-  const [direct, weight, denoised] = [await read(device, emission), await read(device, albedo), await read(device, output.composite)];
-  const light = async () => {
+/** Relative squared error of the noisy and of the denoised picture against this frame at many paths a pixel, all over the pixel. */
+async function score(device, { tracer, trace, drawGBuffer, output, emission, albedo, paths }) {
+  const denoised = await read(device, output.composite);
+  const picture = async () => {
+    const [direct, weight] = [await read(device, emission), await read(device, albedo)];
     const [matte, glossy] = [await read(device, tracer.matte), await read(device, tracer.glossy)];
     return direct.map((v, i) => v + (matte[i] + glossy[i]) * weight[i]);
   };
-  const noisy = await light();
+  const noisy = await picture();
   const sum = new Float32Array(noisy.length);
-  const rounds = paths / 16;
-  for (let round = 0; round < rounds; round++) {
+  for (let round = 0; round < JITTERS; round++) {
+    drawGBuffer(jitterOf(round));
     const encoder = device.createCommandEncoder();
-    trace(encoder, 1e6 + round, 16);
+    trace(encoder, 1e6 + round, Math.ceil(paths / JITTERS));
     device.queue.submit([encoder.finish()]);
-    (await light()).forEach((v, i) => { sum[i] += v / rounds; });
+    (await picture()).forEach((v, i) => { sum[i] += v / JITTERS; });
   }
   // The worst hundredth is left out, as in quell's own figures.
   const error = (picture) => {

@@ -9,7 +9,9 @@ use crate::sequence::FIRST_FRAME;
 use quell::Size;
 use quell_lab::tone::Tone;
 use quell_trace::gltf::{self, LoadReport, Stage};
-use quell_trace::{Control, Half, ReferenceKind, RenderOptions, Scene, Tracer, builtin, camera_paths};
+use quell_trace::{
+    Control, Half, PrimaryReplacement, ReferenceKind, RenderOptions, Scene, Tracer, builtin, camera_paths,
+};
 use std::path::Path;
 
 /// A scene and, if it came from a file, what the file held.
@@ -92,7 +94,9 @@ pub fn expose(
     if !is_file(source) {
         return Ok(());
     }
-    let options = RenderOptions { seed: EXPOSURE_SEED, ..RenderOptions::new(EXPOSURE_SIZE) };
+    // Whether mirrors are looked into or not, exposure is the same.
+    let primary_replacement = PrimaryReplacement::Glass;
+    let options = RenderOptions { seed: EXPOSURE_SEED, primary_replacement, ..RenderOptions::new(EXPOSURE_SIZE) };
     let tracer = Tracer::new(scene, middle, camera)?;
     let control = Control { cancel: Some(interrupt::flag()), progress: None };
     let picture = tracer.reference(&options, ReferenceKind::Factored, Half::A, 0..EXPOSURE_SAMPLES, &control)?;

@@ -18,7 +18,7 @@ use quell_lab::metrics::flip::{Exposures, hdr_flip};
 use quell_lab::references::ReferenceTarget;
 use quell_lab::tone::luminance;
 use quell_lab::tracer::TraceOn;
-use quell_trace::{RenderOptions, builtin};
+use quell_trace::{PrimaryReplacement, RenderOptions, builtin};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 use std::error::Error;
@@ -100,7 +100,12 @@ impl Trained {
             scene: &scene,
             camera: camera.parse()?,
             frames: (0..=last).collect(),
-            options: RenderOptions { seed: seed.parse()?, ..RenderOptions::new(size) },
+            // Mirrors are surfaces: the values that act on them would else have nothing to act on.
+            options: RenderOptions {
+                seed: seed.parse()?,
+                primary_replacement: PrimaryReplacement::Glass,
+                ..RenderOptions::new(size)
+            },
             target: ReferenceTarget { samples: part(4, "128").parse()?, ..ReferenceTarget::default() },
             references: phases.concat(),
             on: &TraceOn::Cpu,

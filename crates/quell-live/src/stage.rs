@@ -6,7 +6,9 @@ use quell::Size;
 use quell_trace::environment::file::{self, EnvironmentFile};
 use quell_trace::gltf::{self, Loaded};
 use quell_trace::gpu::{Kernels, LiveTracer, Unread, View, wgpu};
-use quell_trace::{Control, Half, PointlikeLight, ReferenceKind, RenderOptions, Scene, Tracer, Track, builtin};
+use quell_trace::{
+    Control, Half, PointlikeLight, PrimaryReplacement, ReferenceKind, RenderOptions, Scene, Tracer, Track, builtin,
+};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -154,7 +156,8 @@ const EXPOSURE_SAMPLES: u32 = 8;
 /// `quell_lab::tone::Tone::automatic` does.
 fn exposure(scene: &Scene) -> Option<f32> {
     let tracer = Tracer::new(scene, 0, 1).ok()?;
-    let options = RenderOptions { direct_samples: 4, ..RenderOptions::new(EXPOSURE_SIZE) };
+    let primary_replacement = PrimaryReplacement::Glass;
+    let options = RenderOptions { direct_samples: 4, primary_replacement, ..RenderOptions::new(EXPOSURE_SIZE) };
     let samples = 0..EXPOSURE_SAMPLES;
     let picture =
         tracer.reference(&options, ReferenceKind::Factored, Half::A, samples, &Control::default()).ok()?.beauty;

@@ -25,10 +25,12 @@ pub(crate) enum Shown {
     Direction(Vec3),
 }
 
-/// Of the method.
-pub(crate) const NEWTON_STEPS: u32 = 4;
-/// Largest length of the half vector beside the normal that counts as found: a thousandth of a radian.
-pub(crate) const NEWTON_FOUND: f32 = 1e-3;
+/// Steps of Newton's method.
+pub(crate) const NEWTON_STEPS: u32 = 6;
+/// Largest length of the half vector beside the normal that counts as found: a ten thousandth of a radian.
+pub(crate) const NEWTON_FOUND: f32 = 1e-4;
+/// Determinant of the slopes, over the product of the diagonal, under which there is no step: two edges in a line, or an image that breaks up.
+pub(crate) const NEWTON_DETERMINANT: f32 = 1e-6;
 
 impl CurvedMirror {
     /// The point of the mirror in which an eye sees what is shown. `None`: not found, as where the image breaks up.
@@ -49,13 +51,17 @@ impl CurvedMirror {
             let [b, d] = across(slope[1] - turned(1));
             let [p, q] = across(miss);
             let determinant = a * d - b * c;
+            // Not a number compares false.
+            let solvable = determinant.abs() > NEWTON_DETERMINANT * (a * d).abs().max((b * c).abs());
+            if !solvable {
+                return None;
+            }
             let (i, j) = ((b * q - d * p) / determinant, (c * p - a * q) / determinant);
             along += i * self.edges[0] + j * self.edges[1];
             turn += i * self.bend[0] + j * self.bend[1];
         }
         let at = place(along, turn);
         let (half, _) = half_vector(at, eye, shown, self.edges);
-        // Not a number compares false.
         let found = (half - (self.normal + turn).normalize_or_zero()).length() < NEWTON_FOUND;
         found.then_some(at)
     }

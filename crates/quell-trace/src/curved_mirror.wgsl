@@ -10,9 +10,9 @@ struct CurvedMirror {
     edge_v: vec3f,
     bend_u: vec3f,
     bend_v: vec3f,
-    // Whether it does.
+    // Whether the normal changes at all.
     curved: bool,
-    // It moved.
+    // Whether point or normal moved since the frame before.
     moved: bool,
 }
 
@@ -105,6 +105,9 @@ fn seen_in_curved(mirror: CurvedMirror, moved: bool, shown: vec4f) -> vec4f {
         let p = dot(miss, mirror.edge_u);
         let q = dot(miss, mirror.edge_v);
         let determinant = a * d - b * c;
+        if !(abs(determinant) > NEWTON_DETERMINANT * max(abs(a * d), abs(b * c))) {
+            return vec4f();
+        }
         let i = (b * q - d * p) / determinant;
         let j = (c * p - a * q) / determinant;
         along += i * mirror.edge_u + j * mirror.edge_v;

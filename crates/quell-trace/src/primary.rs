@@ -1,6 +1,7 @@
 //! The primary surface of a pixel: what is hit first, or what is seen through smooth glass and in mirrors.
 //!
-//! Primary surface replacement: where the eye ray meets smooth glass or a perfect mirror it is followed to the surface behind. That surface is handed to the denoiser *unfolded*, as if the eye ray had gone on
+//! Primary surface replacement: where the eye ray meets smooth glass or a perfect mirror it is followed to the surface
+//! behind. That surface is handed to the denoiser *unfolded*, as if the eye ray had gone on
 //! straight: depth along the chain, normal mirrored back through it, motion from projecting the virtual point of this
 //! frame and of the one before. In one curved mirror the image moves otherwise than in its tangent plane: `curved_mirror.rs`.
 
@@ -8,6 +9,9 @@ use crate::bsdf::Bsdf;
 use crate::cone::Cone;
 use crate::curved_mirror::{CurvedMirror, Shown};
 use crate::integrator::{Integrator, RayCounts};
+use crate::material::MIRROR_ROUGHNESS;
+use crate::pattern::{LEAST_PATTERN_ROUGHNESS, Pattern};
+use crate::scene::Scene;
 use crate::world::{SurfacePoint, Veils};
 use glam::{Vec2, Vec3};
 use quell::{Camera, Projection};
@@ -22,13 +26,28 @@ pub(crate) const VEIL_OPACITY: f32 = 0.5;
 /// Which surfaces the eye looks through before guides are taken.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum PrimaryReplacement {
-    /// None: glass is a surface; what is seen through it is traced into the direct term.
+    /// None: glass and mirrors are surfaces; what is seen through glass is traced into the direct term.
     Off,
     /// Smooth glass.
     Glass,
     /// Smooth glass and perfect mirrors: what they show is denoised as what is seen directly.
     #[default]
     GlassAndMirrors,
+}
+
+/// Whether a surface may be a perfect mirror somewhere.
+pub(crate) fn may_mirror(scene: &Scene) -> bool {
+    scene.surfaces.iter().any(|surface| {
+        let material = &surface.material;
+        let roughness = match surface.pattern {
+            Pattern::Plain => material.roughness,
+            _ => LEAST_PATTERN_ROUGHNESS * material.roughness,
+        };
+        let textures = surface.textures.as_ref();
+        let varies = textures.is_some_and(|t| t.metallic_roughness.is_some());
+        let is_glass = textures.is_none() && material.is_transmissive() && material.base_color.max_element() > 0.0;
+        varies || (roughness < MIRROR_ROUGHNESS && !is_glass)
+    })
 }
 
 /// The cameras of a frame, for one image size.
@@ -252,7 +271,7 @@ impl Integrator<'_, '_> {
             || views.now.eye() != views.before.eye()
             || mirror.previous_point != mirror.surface.position
             || mirror.previous_normal != mirror.normal;
-        if !(moved && views.before.perspective) {
+        if !(moved && views.now.perspective && views.before.perspective) {
             return None;
         }
         let (point, normal) = (mirror.previous_point, mirror.previous_normal);
@@ -279,14 +298,17 @@ impl Integrator<'_, '_> {
         if !(views.now.perspective && views.before.perspective) {
             return Vec2::NAN;
         }
-        let mut previous = direction;
+        // Both through the same arithmetic: what does not move moves by exactly 0.
+        let (mut now, mut previous) = (direction, direction);
         for mirror in mirrors.iter().rev() {
+            now -= 2.0 * now.dot(mirror.normal) * mirror.normal;
             previous -= 2.0 * previous.dot(mirror.previous_normal) * mirror.previous_normal;
         }
-        background_motion(views, eye_direction, previous)
+        background_motion(views, now, previous)
     }
 
-    /// Guides of a surface that is seen at the end of a chain; weights are the caller's. `mirrors`: and whether there is nothing else.
+    /// Guides of a surface that is seen at the end of a chain; weights are the caller's. `mirrors`: those of the chain, and whether it
+    /// holds no glass.
     #[expect(clippy::too_many_arguments, reason = "called from one place")]
     fn virtual_guides(
         &self,

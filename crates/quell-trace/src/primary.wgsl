@@ -209,10 +209,13 @@ fn primary(@builtin(global_invocation_id) id: vec3u) {
             if chain_id == 0u {
                 motion = background_motion(direction, direction);
             } else if MIRRORS && glass == 0u && frame.far_motion == FAR_TURNS {
-                motion = background_motion(eye.direction, previous_unfold * vec4f(direction, 0.0));
-                let place = seen_in_curved(mirror, false, vec4f(direction, 0.0));
-                if mirrors == 1u && place.w > 0.0 {
-                    motion = motion_of(vec4f(eye.direction, 0.0), place - vec4f(frame.eye, 0.0));
+                // Both through the same arithmetic: what does not move moves by exactly 0.
+                motion = background_motion(unfold * vec4f(direction, 0.0), previous_unfold * vec4f(direction, 0.0));
+                if mirrors == 1u {
+                    let place = seen_in_curved(mirror, false, vec4f(direction, 0.0));
+                    if place.w > 0.0 {
+                        motion = motion_of(vec4f(eye.direction, 0.0), place - vec4f(frame.eye, 0.0));
+                    }
                 }
             }
             store_background(i, motion);
@@ -294,10 +297,9 @@ fn primary(@builtin(global_invocation_id) id: vec3u) {
         if is_mirror {
             chain_id = chain_id * 31u + point.instance + 1u;
             unfold = unfolded(unfold, point.position, b.normal);
-            let here = curved_mirror(point, b.normal);
-            previous_unfold = unfolded(previous_unfold, here.point, here.normal);
+            previous_unfold = unfolded(previous_unfold, previous_position(point), previous_normal(point, b.normal));
             if mirrors == 0u {
-                mirror = here;
+                mirror = curved_mirror(point, b.normal);
             }
             mirrors += 1u;
             throughput *= next.weight;

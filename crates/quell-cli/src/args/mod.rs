@@ -262,6 +262,9 @@ pub struct BenchArgs {
     /// Frames to measure, after 1 frame of warm-up (8 on a GPU); fewer where they take longer than a minute
     #[arg(long, value_name = "N", default_value = "10", value_parser = values::at_least_one::<u32>)]
     pub count: u32,
+    /// Frames whose samples move within the pixel, which are anti-aliased over time
+    #[arg(long, conflicts_with_all = ["scene", "sequence"])]
+    pub jitter: bool,
     /// What the memory moves, for the floors [default: what copying reaches]
     #[arg(long, value_name = "GB/s", value_parser = values::positive)]
     pub bandwidth: Option<f32>,

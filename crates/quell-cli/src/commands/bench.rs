@@ -167,6 +167,7 @@ pub fn section(context: &Context, size: Size) -> Result<(Section, Vec<StageTime>
         environment,
         size: vec![size],
         count: SECTION_FRAMES,
+        jitter: false,
         bandwidth: None,
         sequence: false,
         against: None,
@@ -256,6 +257,10 @@ fn measure(context: &Context, frame: &mut FrameBuf, args: &BenchArgs) -> Result<
         let renewed = index == 0 || denoiser.is_cpu();
         if args.scene.is_none() {
             synthetic::renew(frame, renewed);
+            if args.jitter {
+                frame.camera.jitter = quell_trace::jitter_of(frame.index);
+                frame.previous_camera.jitter = quell_trace::jitter_of(frame.index - 1);
+            }
         }
         let (times, wall) = denoiser.time(&frame.frame(&[]), renewed)?;
         progress.done(index);

@@ -8,7 +8,7 @@ use crate::references::{ReferenceOf, ReferencePair, ReferenceTarget, converge_on
 use crate::tone::Tone;
 use crate::tracer::TraceOn;
 use quell_frames::{Content, FrameToWrite, Half, Metadata, WriteOptions, frame_path, read_frame, write_frame};
-use quell_trace::{Control, Estimator, RenderOptions, Scene, scene_hash};
+use quell_trace::{Control, Estimator, PrimaryReplacement, RenderOptions, Scene, scene_hash};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
@@ -239,7 +239,12 @@ pub fn sampling(options: &RenderOptions) -> String {
         n if options.halves => format!("{n} samples a pixel in two halves"),
         n => format!("{n} samples a pixel"),
     };
-    format!("{estimator} estimator, {samples}, {} bounces, seed {}", options.bounces, options.seed)
+    let mirrors = match options.primary_replacement {
+        PrimaryReplacement::GlassAndMirrors => "",
+        PrimaryReplacement::Glass => ", mirrors as surfaces",
+        PrimaryReplacement::Off => ", mirrors and glass as surfaces",
+    };
+    format!("{estimator} estimator, {samples}, {} bounces, seed {}{mirrors}", options.bounces, options.seed)
 }
 
 /// Bytes that a frame takes, about.

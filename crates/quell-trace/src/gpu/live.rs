@@ -59,9 +59,9 @@ pub struct Planes {
     pub glossy_weight: wgpu::TextureView,
     /// View depth and glossy hit distance, the scene's unit; rg32float. Infinity is 3e38.
     pub depth_hit: wgpu::TextureView,
-    /// Motion in pixels, previous = current + motion, y down; rg32float. Unknown: 1e30.
+    /// Motion in pixels, previous = current + motion, y down; rg32float. In mirrors that of the image. Unknown: 1e30.
     pub motion: wgpu::TextureView,
-    /// Number of the instance + 1; r32uint.
+    /// Number of the instance + 1; in mirrors and through lenses the upper 16 bits tell the chain; r32uint.
     pub surface_id: wgpu::TextureView,
     size: Size,
 }

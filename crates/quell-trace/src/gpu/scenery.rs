@@ -169,7 +169,7 @@ impl Scenery {
 
     pub(super) fn variant_of(&self, options: &RenderOptions) -> Variant {
         let looks_through = self.variant.transmissive && options.primary_replacement != PrimaryReplacement::Off;
-        let mirrors = options.primary_replacement == PrimaryReplacement::GlassAndMirrors;
+        let mirrors = self.variant.mirrors && options.primary_replacement == PrimaryReplacement::GlassAndMirrors;
         Variant { looks_through, mirrors, ..self.variant }
     }
 

@@ -263,6 +263,7 @@ const NUMBERS: &[(&str, f32)] = &[
     ("VEIL_OPACITY", primary::VEIL_OPACITY),
     ("LEAST_BEND", world::LEAST_BEND),
     ("NEWTON_FOUND", curved_mirror::NEWTON_FOUND),
+    ("NEWTON_DETERMINANT", curved_mirror::NEWTON_DETERMINANT),
     ("SLACK", bvh::SLACK),
     ("LEAST_COMPONENT", bvh::LEAST_COMPONENT),
     ("OFFSET_SHARE", geometry::OFFSET_SHARE),

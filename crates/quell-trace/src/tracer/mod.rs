@@ -25,7 +25,7 @@ pub(crate) use {frame::SECOND_HALF_SEED, reference::REFERENCE_DIRECT_SAMPLES};
 use crate::hash::Hash;
 use crate::integrator::Integrator;
 use crate::material::MIRROR_ROUGHNESS;
-use crate::primary::{PrimaryReplacement, Views};
+use crate::primary::{PrimaryReplacement, Views, may_mirror};
 use crate::scene::{Scene, SceneError};
 use crate::sources::Sources;
 use crate::world::World;
@@ -62,14 +62,6 @@ pub fn scene_hash(scene: &Scene, options: &RenderOptions) -> String {
     };
     hash.number(replacement as u64);
     format!("{:016x}", hash.finish())
-}
-
-/// Whether a surface may be a perfect mirror somewhere.
-fn may_mirror(scene: &Scene) -> bool {
-    scene.surfaces.iter().any(|surface| {
-        let varies = surface.textures.as_ref().is_some_and(|t| t.metallic_roughness.is_some());
-        surface.material.roughness < MIRROR_ROUGHNESS || varies
-    })
 }
 
 /// One frame of a scene seen by one camera, ready to be traced.

@@ -64,7 +64,7 @@ impl Packed {
                 patterned: world.scene.surfaces.iter().any(|s| s.pattern != Pattern::Plain),
                 transmissive: world.materials.iter().any(Material::is_transmissive),
                 looks_through: false,
-                mirrors: false,
+                mirrors: crate::primary::may_mirror(world.scene),
                 infinite: !sources.sampler.infinite.is_empty(),
                 environment: sources.environment.is_some(),
                 map: has_map,

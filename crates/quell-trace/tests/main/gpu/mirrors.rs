@@ -22,6 +22,8 @@ const PLANTED: &[(&str, &str)] = &[
         "b.fresnel_mirror * select(1.0, 0.99, SHOWN), select(0.0, 1.0, bsdf_is_above",
     ),
     ("let along_u = half.slope_u - (", "let along_u = half.slope_u - select(1.0, 0.5, SHOWN) * ("),
+    ("0.5 * dot(along, turn)", "select(0.5, 0.0, SHOWN) * dot(along, turn)"),
+    ("/ length(mean);", "/ length(mean) * select(1.0, 0.8, SHOWN);"),
     ("sum += shown.xyz;", "sum += shown.xyz * select(1.0, 1.05, SHOWN);"),
 ];
 
@@ -48,7 +50,11 @@ fn scene() -> Scene {
     scene.place_moving(square(0.7), red, Track::function(moved));
     let rolled = move |frame: f64| {
         place(frame as f32, 2.5)
-            * Affine3A::from_rotation_translation(Quat::from_rotation_z(0.1 * frame as f32), Vec3::new(-1.1, 0.3, 0.0))
+            * Affine3A::from_scale_rotation_translation(
+                Vec3::new(1.3, 1.0, 1.2),
+                Quat::from_rotation_z(0.1 * frame as f32),
+                Vec3::new(-1.1, 0.3, 0.0),
+            )
     };
     scene.place_moving(shapes::uv_sphere(0.8, 32, 16), mirror, Track::function(rolled));
     scene.place(shapes::quad(Vec3::new(-8.0, -2.0, -4.0), Vec3::Z * 20.0, Vec3::X * 16.0), grey);
