@@ -132,14 +132,14 @@ async function run() {
   drawGBuffer([0, 0]);
   /** What three.js made on the device. */
   const gpu = (of) => renderer.backend.get(of).texture;
-  const [emission, albedo, normal, velocity] = target.textures.map(gpu);
+  const [emission, albedo, normal, motion] = target.textures.map(gpu);
   const depth = gpu(target.depthTexture);
 
   const tracer = new Tracer(device, [width, height]);
   const preset = parameters.get("preset") ?? "quality";
   const denoiser = await Denoiser.create(device, { width, height, preset, convention: "three", jitter: true });
   const trace = (encoder, seed, paths) => {
-    const buffer = { depth, normal, velocity };
+    const buffer = { depth, normal, velocity: motion };
     tracer.encode(encoder, { camera, meshes, lamp, sky: SKY, buffer, seed, paths });
   };
   const denoise = (encoder, told) => denoiser.encode(encoder, {
@@ -149,7 +149,7 @@ async function run() {
       // Light without albedo; diffuse surfaces have no glossy light, metals no matte light.
       matte: tracer.matte, matteWeight: albedo,
       glossy: tracer.glossy, glossyWeight: albedo,
-      depth, normal, motion: velocity,
+      depth, normal, motion,
       roughness: { texture: normal, channel: "a" },
       glossyHitDistance: tracer.hitDistance,
     },

@@ -6,9 +6,6 @@
 use crate::material::Material;
 use glam::{Vec2, Vec3, Vec3Swizzles};
 
-/// Patterns multiply roughness by no less.
-pub(crate) const LEAST_PATTERN_ROUGHNESS: f32 = 0.85;
-
 /// What a pattern draws.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Pattern {
@@ -136,8 +133,7 @@ impl Pattern {
                 let grain_at = Vec3::new(inside.x * 0.25, tone * 40.0, along * 0.6 * cells.x / cells.y);
                 let grain = 0.55 * wood(grain_at, 9.0);
                 material.base_color = material.base_color.lerp(dark, grain) * (0.72 + 0.5 * tone);
-                material.roughness =
-                    (material.roughness * (LEAST_PATTERN_ROUGHNESS + 0.3 * tone) + 0.06 * grain).clamp(0.0, 1.0);
+                material.roughness = (material.roughness * (0.85 + 0.3 * tone) + 0.06 * grain).clamp(0.0, 1.0);
                 let gap = Vec2::new(0.012, 0.012 * cells.y / cells.x);
                 if inside.x < gap.x || inside.y < gap.y {
                     // Lacquer fills the gaps: they are dark, but reflect as the boards do.

@@ -10,7 +10,7 @@ use crate::cone::Cone;
 use crate::curved_mirror::{CurvedMirror, Shown};
 use crate::integrator::{Integrator, RayCounts};
 use crate::material::MIRROR_ROUGHNESS;
-use crate::pattern::{LEAST_PATTERN_ROUGHNESS, Pattern};
+use crate::pattern::Pattern;
 use crate::scene::Scene;
 use crate::world::{SurfacePoint, Veils};
 use glam::{Vec2, Vec3};
@@ -34,6 +34,9 @@ pub enum PrimaryReplacement {
     #[default]
     GlassAndMirrors,
 }
+
+/// Patterns multiply roughness by no less.
+const LEAST_PATTERN_ROUGHNESS: f32 = 0.85;
 
 /// Whether a surface may be a perfect mirror somewhere.
 pub(crate) fn may_mirror(scene: &Scene) -> bool {

@@ -544,7 +544,7 @@ fn three_js_and_quell_share_a_device() {
         a.iter().zip(b).map(|(p, q)| (p - q).abs() / mean).sum::<f64>() / b.len() as f64
     };
     let told = "convention: \"three\"";
-    let without_motion = still(("motion: velocity,", ""));
+    let without_motion = still(("depth, normal, motion,", "depth, normal,"));
     let right = off(&still((told, told)), &without_motion);
     let wrong =
         "convention: { motionScale: [0.5, -0.5], motionUnit: \"extents\", depth: \"device\", normalSpace: \"view\" }";
