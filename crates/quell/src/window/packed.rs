@@ -129,44 +129,35 @@ impl Packed {
     /// Channel `c` of colour `plane` of the pixels of a row.
     #[cfg(feature = "cpu")]
     pub(crate) fn channel(&self, plane: usize, c: usize, y: usize, out: &mut [f32]) {
-        self.some(plane, [c], y, [out]);
+        self.some(plane, c..c + 1, y, out);
     }
 
     /// Colour `plane` of the pixels of a row, three channels one after the other.
     #[cfg(feature = "cpu")]
     pub(crate) fn channels(&self, plane: usize, y: usize, out: &mut [f32]) {
-        let w = out.len() / 3;
-        let (red, rest) = out.split_at_mut(w);
-        let (green, blue) = rest.split_at_mut(w);
-        self.some(plane, [0, 1, 2], y, [red, green, blue]);
+        self.some(plane, 0..3, y, out);
     }
 
     #[cfg(feature = "cpu")]
-    fn some<const N: usize>(&self, plane: usize, channels: [usize; N], y: usize, out: [&mut [f32]; N]) {
-        /// Pixels that are converted at once.
+    fn some(&self, plane: usize, channels: std::ops::Range<usize>, y: usize, out: &mut [f32]) {
+        /// Pixels that are converted at once, all their channels, while they are near.
         const PIECE: usize = 64;
-        let (w, length) = (out[0].len(), 3 * self.planes);
+        let (w, length) = (out.len() / channels.len(), 3 * self.planes);
         if self.beyond.is_empty() {
-            let places = channels.map(|c| c * self.planes + plane);
-            let mut halves = [[f16::ZERO; PIECE]; N];
+            let mut halves = [f16::ZERO; PIECE];
             let pieces = self.data[length * w * y..][..length * w].chunks(PIECE * length);
             for (k, pixels) in pieces.enumerate() {
-                for (i, pixel) in pixels.chunks_exact(length).enumerate() {
-                    for c in 0..N {
-                        halves[c][i] = pixel[places[c]];
+                for (out, c) in out.chunks_exact_mut(w).zip(channels.clone()) {
+                    let out = &mut out[PIECE * k..(PIECE * (k + 1)).min(w)];
+                    for (half, pixel) in halves.iter_mut().zip(pixels.chunks_exact(length)) {
+                        *half = pixel[c * self.planes + plane];
                     }
-                }
-                let there = PIECE * k..(PIECE * (k + 1)).min(w);
-                for c in 0..N {
-                    halves[c][..there.len()].convert_to_f32_slice(&mut out[c][there.clone()]);
+                    halves[..out.len()].convert_to_f32_slice(out);
                 }
             }
         } else {
-            for x in 0..w {
-                let colour = self.at(plane, y * w + x);
-                for c in 0..N {
-                    out[c][x] = colour[channels[c]];
-                }
+            for (out, c) in out.chunks_exact_mut(w.max(1)).zip(channels) {
+                out.iter_mut().enumerate().for_each(|(x, out)| *out = self.at(plane, y * w + x)[c]);
             }
         }
     }
