@@ -29,6 +29,11 @@ pub(crate) fn threads() -> usize {
     1
 }
 
+/// Copies, on all threads.
+pub(crate) fn copy<T: Copy + Send + Sync>(to: &mut [T], from: &[T]) {
+    rows(to, PIECE, |i, to| to.copy_from_slice(&from[i * PIECE..][..to.len()]));
+}
+
 /// Elements that a thread takes at once where a loop has no rows.
 const PIECE: usize = 1 << 15;
 
@@ -283,7 +288,9 @@ mod tests {
                 let odd = count(&mut numbers, |piece| piece.iter().filter(|n| **n % 2 == 1).count());
                 let last = COUNT as u32 - 1;
                 assert!(any(&numbers, |n| *n == last) && !any(&numbers, |n| *n > last));
-                (odd, map(&numbers, |n| n + 1))
+                let mut copied = vec![0; COUNT];
+                copy(&mut copied, &map(&numbers, |n| n + 1));
+                (odd, copied)
             })
         };
         let (odd, numbers) = of(6);

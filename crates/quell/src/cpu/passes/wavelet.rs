@@ -59,35 +59,6 @@ const BAND: usize = if cfg!(test) { 8 } else { 64 };
 /// Of a band.
 const ROWS_OF_A_THREAD: usize = if cfg!(test) { 0 } else { 8 };
 
-/// The order in which the rows of a band are filtered: those a step apart follow each other, since two of the three rows that a row's taps
-/// lie in are then still near.
-#[derive(Clone, Copy)]
-struct Turns {
-    rows: usize,
-    step: usize,
-}
-
-impl Turns {
-    /// The row of the k-th turn.
-    fn row(self, k: usize) -> usize {
-        let Self { rows, step } = self;
-        // The first `longer` of the rows up to `step` have one more that follows them.
-        let (each, longer) = (rows / step, rows % step);
-        let of_longer = longer * (each + 1);
-        if k < of_longer {
-            k / (each + 1) + k % (each + 1) * step
-        } else {
-            longer + (k - of_longer) / each + (k - of_longer) % each * step
-        }
-    }
-
-    /// The turn of a row.
-    fn of(self, row: usize) -> usize {
-        let (class, each, longer) = (row % self.step, self.rows / self.step, self.rows % self.step);
-        class * each + class.min(longer) + row / self.step
-    }
-}
-
 /// Filters in place: a second image of all lights would be the largest of all. A band's rows are put where they belong when the next
 /// band, which still reads what they were, is done.
 fn filter(level: &Level<'_>, colours: &mut Rows, variance: &mut Rows) {
@@ -99,22 +70,14 @@ fn filter(level: &Level<'_>, colours: &mut Rows, variance: &mut Rows) {
     let (mut done, mut next) = ([Vec::new(), Vec::new()], buffers());
     let put = |[c, v]: &[Vec<f32>; 2], first: usize, colours: &mut Rows, variance: &mut Rows| {
         let rows = first..(first + band).min(height);
-        let turns = Turns { rows: rows.len(), step: level.step as usize };
-        let colours = &mut colours.data_mut()[rows.start * cw..rows.end * cw];
-        let variance = &mut variance.data_mut()[rows.start * vw..rows.end * vw];
-        par::two_rows(colours, cw, variance, vw, |row, colours, variance| {
-            let k = turns.of(row);
-            colours.copy_from_slice(&c[k * cw..][..cw]);
-            variance.copy_from_slice(&v[k * vw..][..vw]);
-        });
+        par::copy(&mut colours.data_mut()[rows.start * cw..rows.end * cw], &c[..rows.len() * cw]);
+        par::copy(&mut variance.data_mut()[rows.start * vw..rows.end * vw], &v[..rows.len() * vw]);
     };
     for first in (0..height).step_by(band) {
         let rows = band.min(height - first);
         let ([c, v], before) = (&mut next, (&*colours, &*variance));
-        let turns = Turns { rows, step: level.step as usize };
-        par::two_rows(&mut c[..rows * cw], cw, &mut v[..rows * vw], vw, |k, colours, variance| {
-            let y = first + turns.row(k);
-            dispatch!(crate::simd::level(), simd => level.row(simd, before, y, colours, variance));
+        par::two_rows(&mut c[..rows * cw], cw, &mut v[..rows * vw], vw, |y, colours, variance| {
+            dispatch!(crate::simd::level(), simd => level.row(simd, before, first + y, colours, variance));
         });
         if first > 0 {
             put(&done, first - band, colours, variance);
@@ -127,22 +90,4 @@ fn filter(level: &Level<'_>, colours: &mut Rows, variance: &mut Rows) {
         put(&done, (height - 1) / band * band, colours, variance);
     }
     done.into_iter().chain(next).for_each(par::recycle);
-}
-
-#[cfg(test)]
-mod tests {
-    use super::Turns;
-
-    #[test]
-    fn every_row_has_its_turn() {
-        for (rows, step) in [(64, 1), (64, 16), (37, 8), (5, 16), (1, 1), (17, 16)] {
-            let turns = Turns { rows, step };
-            let order: Vec<_> = (0..rows).map(|k| turns.row(k)).collect();
-            assert!((0..rows).all(|row| order[turns.of(row)] == row), "{rows} {step} {order:?}");
-            assert!(
-                order.windows(2).filter(|two| two[1] == two[0] + step).count() + step.min(rows) == rows,
-                "{order:?}"
-            );
-        }
-    }
 }
