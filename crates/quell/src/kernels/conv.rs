@@ -91,6 +91,7 @@ impl ConvNet {
         let quarter = Size::new(half.width / 2, half.height / 2);
         // Beyond the picture its border.
         let row_of = |y: usize| y.saturating_sub(above).min(size.height - 1);
+        let few = FEW.max(2 * STRIP * par::threads());
         let mut a = Rows::unset(whole, second.outputs);
         for (k, out) in a.data_mut().chunks_mut((BAND * second.outputs * whole.width).max(1)).enumerate() {
             let rows = BAND * k..(BAND * (k + 1)).min(whole.height);
@@ -100,16 +101,17 @@ impl ConvNet {
             // What is read, made standard.
             let standard = |y: usize, c: usize, from: usize, out: &mut [f32]| {
                 let row = &read.row(row_of(y) - begin, c)[from.min(size.width - 1)..];
-                let (mean, scale) = (self.mean[c], self.scale[c]);
                 let there = row.len().min(out.len());
-                for (out, value) in out.iter_mut().zip(row) {
-                    *out = ((value - mean) * scale).clamp(-MOST_INPUT, MOST_INPUT);
-                }
+                standardise(row, (self.mean[c], self.scale[c]), out);
                 let border = out[there - 1];
                 out[there..].fill(border);
             };
-            let before = first.rows(whole, wider.clone(), standard, true);
-            second.fill(whole, rows, from_row(&before, wider.start), true, out);
+            for (k, out) in out.chunks_mut(few * second.outputs * whole.width).enumerate() {
+                let rows = rows.start + few * k..(rows.start + few * (k + 1)).min(rows.end);
+                let wider = rows.start.saturating_sub(1)..(rows.end + 1).min(whole.height);
+                let before = first.rows(whole, wider.clone(), standard, true);
+                second.fill(whole, rows, from_row(&before, wider.start), true, out);
+            }
         }
         let b = third.run(half, halved(&a), true);
         let c = fifth.run(quarter, from_row(&fourth.run(quarter, halved(&b), true), 0), true);
@@ -117,8 +119,8 @@ impl ConvNet {
         drop((b, c));
         let mut cut = Rows::unset(size, last.outputs);
         let length = (last.outputs * size.width).max(1);
-        for (k, cut) in cut.data_mut().chunks_mut(BAND * length).enumerate() {
-            let rows = above + BAND * k..above + (BAND * (k + 1)).min(size.height);
+        for (k, cut) in cut.data_mut().chunks_mut(few * length).enumerate() {
+            let rows = above + few * k..above + (few * (k + 1)).min(size.height);
             let before = seventh.rows(whole, rows.clone(), beside(&a, &d), true);
             let out = last.rows(whole, rows.clone(), from_row(&before, rows.start), false);
             par::rows(cut, length, |y, row| {
@@ -131,9 +133,13 @@ impl ConvNet {
     }
 }
 
-/// Pixels of a row that are summed up together, and outputs: a vector each of the widest registers.
+/// Pixels of a row that are summed up together.
 const LANES: usize = 16;
-const GROUP: usize = 8;
+/// Outputs that are summed up together: as many as registers hold the sums of, of a processor whose registers hold [`LANES`] numbers and of
+/// the others.
+#[cfg(feature = "cpu")]
+const WIDE: usize = 16;
+const NARROW: usize = 4;
 /// Columns and rows whose inputs are fetched together, so that they stay in the cache: 48 channels take 150 kB.
 const TILE: usize = 128;
 const STRIP: usize = 4;
@@ -144,8 +150,26 @@ trait Simd: Copy {}
 #[cfg(not(feature = "cpu"))]
 impl Simd for () {}
 
-/// Rows that layers follow each other on before the next rows come. Few in tests, so that small pictures have some.
+/// [`WIDE`] or [`NARROW`].
+#[inline(always)]
+#[cfg(feature = "cpu")]
+fn group_of<S: Simd>(_: S) -> usize {
+    if <S::f32s as SimdBase<S>>::LEN == LANES { WIDE } else { NARROW }
+}
+
+fn group() -> usize {
+    #[cfg(feature = "cpu")]
+    return crate::simd::dispatch!(crate::simd::level(), simd => group_of(simd));
+    #[cfg(not(feature = "cpu"))]
+    NARROW
+}
+
+/// Rows that are read at once. Few in tests, so that small pictures have some.
 const BAND: usize = if cfg!(test) { 16 } else { 128 };
+
+/// The least rows that layers follow each other on before the next rows come, so that what is between them stays in the cache; two strips for
+/// each thread.
+const FEW: usize = if cfg!(test) { 4 } else { 32 };
 
 /// What a layer reads around the pixels of a tile: line by line of each input.
 struct Fetched {
@@ -184,7 +208,7 @@ impl Layer {
         out: &mut [f32],
     ) {
         let row_length = (self.outputs * size.width).max(1);
-        let weights = self.grouped();
+        let weights = self.grouped(group());
         par::rows(out, STRIP * row_length, |strip, out| {
             let (around, first) = (self.side / 2, rows.start + STRIP * strip);
             let lines = out.len() / row_length + 2 * around;
@@ -207,63 +231,79 @@ impl Layer {
                     line[to..].fill(ends.1);
                 }
                 for (y, out) in out.chunks_exact_mut(row_length).enumerate() {
+                    let (from, at) = ((&fetched, &weights[..]), (start, y));
                     #[cfg(feature = "cpu")]
                     crate::simd::dispatch!(crate::simd::level(), simd => {
-                        self.tile(simd, &fetched, &weights, (start, y), rectify, size.width, out)
+                        self.tile_on(simd, from, at, rectify, size.width, out)
                     });
                     #[cfg(not(feature = "cpu"))]
-                    self.tile((), &fetched, &weights, (start, y), rectify, size.width, out);
+                    self.tile::<NARROW, _>((), from, at, rectify, size.width, out);
                 }
             }
         });
     }
 
-    /// Weights of eight outputs, tap by tap; of outputs that there are not 0.
-    fn grouped(&self) -> Vec<Vec<[f32; GROUP]>> {
+    /// Weights of `group` outputs at a time, tap by tap; of outputs that there are not 0.
+    fn grouped(&self, group: usize) -> Vec<f32> {
         let taps = self.inputs * self.side * self.side;
-        let group = |first: usize| {
-            let mut found = vec![[0.0f32; GROUP]; taps];
-            for k in 0..GROUP.min(self.outputs - first) {
-                for (found, weight) in found.iter_mut().zip(&self.weights[(first + k) * taps..][..taps]) {
-                    found[k] = *weight;
-                }
+        let mut found = vec![0.0; taps * self.outputs.next_multiple_of(group)];
+        for (o, weights) in self.weights.chunks_exact(taps).enumerate() {
+            let first = o / group * group * taps + o % group;
+            for (found, weight) in found[first..].iter_mut().step_by(group).zip(weights) {
+                *found = *weight;
             }
-            found
-        };
-        (0..self.outputs).step_by(GROUP).map(group).collect()
+        }
+        found
     }
 
     /// Row `y` of a tile that begins at column `start`.
     #[inline(always)]
-    #[expect(clippy::too_many_arguments, reason = "what a row of a tile is made of")]
-    fn tile<S: Simd>(
+    fn tile<const GROUP: usize, S: Simd>(
         &self,
         simd: S,
-        fetched: &Fetched,
-        weights: &[Vec<[f32; GROUP]>],
+        (fetched, weights): (&Fetched, &[f32]),
         (start, y): (usize, usize),
         rectify: bool,
         width: usize,
         out: &mut [f32],
     ) {
-        for (g, weights) in weights.iter().enumerate() {
-            let first = GROUP * g;
+        let taps = self.inputs * self.side * self.side;
+        for (g, weights) in weights.chunks_exact(taps * GROUP).enumerate() {
+            let (first, weights) = (GROUP * g, weights.as_chunks::<GROUP>().0);
             let mut bias = [0.0; GROUP];
             bias.iter_mut().zip(&self.bias[first..]).for_each(|(bias, value)| *bias = *value);
             for at in (0..TILE.min(width - start)).step_by(LANES) {
                 let sums = if self.side == 3 {
-                    fetched.sums::<3, S>(simd, weights, &bias, at, y)
+                    fetched.sums::<3, GROUP, S>(simd, weights, &bias, at, y)
                 } else {
-                    fetched.sums::<1, S>(simd, weights, &bias, at, y)
+                    fetched.sums::<1, GROUP, S>(simd, weights, &bias, at, y)
                 };
                 for (k, sum) in sums.iter().enumerate().take(self.outputs - first) {
-                    let from = start + at;
-                    let out = &mut out[(first + k) * width..][from..(from + LANES).min(width)];
+                    let out = &mut out[(first + k) * width + start + at..(first + k + 1) * width];
                     for (out, value) in out.iter_mut().zip(sum) {
                         *out = if rectify && *value < 0.0 { LEAK * value } else { *value };
                     }
                 }
             }
+        }
+    }
+
+    /// The same with as many outputs together as the registers hold.
+    #[inline(always)]
+    #[cfg(feature = "cpu")]
+    fn tile_on<S: Simd>(
+        &self,
+        simd: S,
+        from: (&Fetched, &[f32]),
+        at: (usize, usize),
+        rectify: bool,
+        width: usize,
+        out: &mut [f32],
+    ) {
+        if group_of(simd) == WIDE {
+            self.tile::<WIDE, S>(simd, from, at, rectify, width, out);
+        } else {
+            self.tile::<NARROW, S>(simd, from, at, rectify, width, out);
         }
     }
 }
@@ -272,7 +312,7 @@ impl Fetched {
     /// Of sixteen pixels from `at` on in row `y`.
     #[inline(always)]
     #[cfg(feature = "cpu")]
-    fn sums<const SIDE: usize, S: Simd>(
+    fn sums<const SIDE: usize, const GROUP: usize, S: Simd>(
         &self,
         simd: S,
         weights: &[[f32; GROUP]],
@@ -309,7 +349,7 @@ impl Fetched {
 
     /// The same without vectors.
     #[cfg(not(feature = "cpu"))]
-    fn sums<const SIDE: usize, S: Simd>(
+    fn sums<const SIDE: usize, const GROUP: usize, S: Simd>(
         &self,
         _: S,
         weights: &[[f32; GROUP]],
@@ -330,6 +370,20 @@ impl Fetched {
         }
         sums
     }
+}
+
+/// Inputs as the net reads them.
+fn standardise(values: &[f32], (mean, scale): (f32, f32), out: &mut [f32]) {
+    #[inline(always)]
+    fn each(values: &[f32], mean: f32, scale: f32, out: &mut [f32]) {
+        for (out, value) in out.iter_mut().zip(values) {
+            *out = ((value - mean) * scale).clamp(-MOST_INPUT, MOST_INPUT);
+        }
+    }
+    #[cfg(feature = "cpu")]
+    crate::simd::widest!(each(values, mean, scale, out));
+    #[cfg(not(feature = "cpu"))]
+    each(values, mean, scale, out);
 }
 
 /// Rows of an image as they are, the first of which is row `first`.

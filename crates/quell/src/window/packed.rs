@@ -129,20 +129,36 @@ impl Packed {
     /// Channel `c` of colour `plane` of the pixels of a row.
     #[cfg(feature = "cpu")]
     pub(crate) fn channel(&self, plane: usize, c: usize, y: usize, out: &mut [f32]) {
-        /// Pixels that are converted at once.
+        self.some(plane, c..c + 1, y, out);
+    }
+
+    /// Colour `plane` of the pixels of a row, three channels one after the other.
+    #[cfg(feature = "cpu")]
+    pub(crate) fn channels(&self, plane: usize, y: usize, out: &mut [f32]) {
+        self.some(plane, 0..3, y, out);
+    }
+
+    #[cfg(feature = "cpu")]
+    fn some(&self, plane: usize, channels: std::ops::Range<usize>, y: usize, out: &mut [f32]) {
+        /// Pixels that are converted at once, all their channels, while they are near.
         const PIECE: usize = 64;
-        let (w, length) = (out.len(), 3 * self.planes);
+        let (w, length) = (out.len() / channels.len(), 3 * self.planes);
         if self.beyond.is_empty() {
             let mut halves = [f16::ZERO; PIECE];
             let pieces = self.data[length * w * y..][..length * w].chunks(PIECE * length);
-            for (out, pixels) in out.chunks_mut(PIECE).zip(pieces) {
-                for (half, pixel) in halves.iter_mut().zip(pixels.chunks_exact(length)) {
-                    *half = pixel[c * self.planes + plane];
+            for (k, pixels) in pieces.enumerate() {
+                for (out, c) in out.chunks_exact_mut(w).zip(channels.clone()) {
+                    let out = &mut out[PIECE * k..(PIECE * (k + 1)).min(w)];
+                    for (half, pixel) in halves.iter_mut().zip(pixels.chunks_exact(length)) {
+                        *half = pixel[c * self.planes + plane];
+                    }
+                    halves[..out.len()].convert_to_f32_slice(out);
                 }
-                halves[..out.len()].convert_to_f32_slice(out);
             }
         } else {
-            out.iter_mut().enumerate().for_each(|(x, out)| *out = self.at(plane, y * w + x)[c]);
+            for (out, c) in out.chunks_exact_mut(w.max(1)).zip(channels) {
+                out.iter_mut().enumerate().for_each(|(x, out)| *out = self.at(plane, y * w + x)[c]);
+            }
         }
     }
 
@@ -236,6 +252,26 @@ mod tests {
             assert_eq!(row, [0, 1, 2].map(|x| value(k, 3 * y + x)));
         }
         assert_eq!(Packed::new(size, 0, value).data.len(), 0);
+    }
+
+    /// Wider than a piece, with colours that half precision does not hold and without.
+    #[cfg(feature = "cpu")]
+    #[test]
+    fn channels_are_those_of_the_pixels() {
+        let size = Size::new(70, 2);
+        for large in [0.5, 1e9] {
+            let value = |k: usize, i: usize| [k as f32, 0.25 * i as f32, if i == 67 { large } else { -1.0 }];
+            let packed = Packed::new(size, 3, value);
+            for (k, y) in [(0, 1), (2, 0)] {
+                let (mut all, mut one) = ([0.0; 210], [0.0; 70]);
+                packed.channels(k, y, &mut all);
+                for c in 0..3 {
+                    packed.channel(k, c, y, &mut one);
+                    let expected: Vec<_> = (0..70).map(|x| value(k, 70 * y + x)[c]).collect();
+                    assert_eq!((&all[70 * c..][..70], &one[..]), (&expected[..], &expected[..]));
+                }
+            }
+        }
     }
 
     #[test]

@@ -23,8 +23,8 @@ pub(crate) fn run(window: &[&PreparedFrame], centre: usize, gather: &Gather) -> 
     let mut colours = Rows::unset(size, 3 * planes);
     let mut moments = Rows::unset(size, 2 * slots.len());
     let (cw, mw) = (3 * planes * size.width, 2 * slots.len() * size.width);
-    par::two_rows(colours.data_mut(), cw, moments.data_mut(), mw, |y, colours, moments| {
-        dispatch!(crate::simd::level(), simd => job.row(simd, y, colours, moments));
+    par::two_rows(colours.data_mut(), STRIP * cw, moments.data_mut(), STRIP * mw, |k, colours, moments| {
+        dispatch!(crate::simd::level(), simd => job.strip(simd, STRIP * k, colours, moments));
     });
     Gathered { slots, colours, moments }
 }
@@ -68,23 +68,15 @@ impl<'a> Job<'a> {
         Seen::new(&self.window[frame].features, &self.mirrors[frame]).filter(|_| self.looks_through)
     }
 
+    /// Some rows from row `first_row` on: a block of columns after the other, in all rows, which lead to the same surfaces.
     #[inline(always)]
-    fn row<S: Simd>(&self, simd: S, y: usize, colours: &mut [f32], moments: &mut [f32]) {
+    fn strip<S: Simd>(&self, simd: S, first_row: usize, colours: &mut [f32], moments: &mut [f32]) {
         let here = self.window[self.centre];
         let w = here.features.size.width;
-        for (l, slot) in self.slots.iter().enumerate() {
-            if let Samples::Own(own) = &here.stored[slot.light] {
-                for (k, plane) in own.iter().enumerate() {
-                    for x in 0..w {
-                        let value = plane.at(y * w + x);
-                        for c in 0..3 {
-                            colours[(3 * (slot.first + k) + c) * w + x] = value[c];
-                        }
-                    }
-                }
-                moments[2 * l * w..][..w].fill(0.0);
-                moments[(2 * l + 1) * w..][..w].fill(1.0);
-            }
+        let rows = moments.len() / (2 * self.slots.len() * w);
+        let (cw, mw) = (colours.len() / rows, moments.len() / rows);
+        for k in 0..rows {
+            self.copy_own(first_row + k, &mut colours[k * cw..][..cw], &mut moments[k * mw..][..mw]);
         }
         let new = || Block {
             ways: Vec::with_capacity(GROUPS),
@@ -93,8 +85,9 @@ impl<'a> Job<'a> {
             own: [Eight::default(); GROUPS],
         };
         let (mut surface, mut reflected) = (new(), None::<Block<S>>);
-        for first in (0..w).step_by(BLOCK) {
-            let p = y * w + first;
+        for (first, k) in (0..w).step_by(BLOCK).flat_map(|first| (0..rows).map(move |k| (first, k))) {
+            let (colours, moments) = (&mut colours[k * cw..][..cw], &mut moments[k * mw..][..mw]);
+            let p = (first_row + k) * w + first;
             let count = BLOCK.min(w - first);
             let whole = count.next_multiple_of(LANES);
             let mut inside = [false; BLOCK];
@@ -120,6 +113,26 @@ impl<'a> Job<'a> {
             }
         }
     }
+
+    /// Lights that stay as they came, in row `y`.
+    fn copy_own(&self, y: usize, colours: &mut [f32], moments: &mut [f32]) {
+        let here = self.window[self.centre];
+        let w = here.features.size.width;
+        for (l, slot) in self.slots.iter().enumerate() {
+            if let Samples::Own(own) = &here.stored[slot.light] {
+                for (k, plane) in own.iter().enumerate() {
+                    for x in 0..w {
+                        let value = plane.at(y * w + x);
+                        for c in 0..3 {
+                            colours[(3 * (slot.first + k) + c) * w + x] = value[c];
+                        }
+                    }
+                }
+                moments[2 * l * w..][..w].fill(0.0);
+                moments[(2 * l + 1) * w..][..w].fill(1.0);
+            }
+        }
+    }
 }
 
 /// Pixels of a row that go through the frames of the window together: what they read of a frame is a few runs of memory, long enough
@@ -127,6 +140,8 @@ impl<'a> Job<'a> {
 /// Few in tests, so that small pictures have several runs.
 const BLOCK: usize = if cfg!(test) { 16 } else { 256 };
 const GROUPS: usize = BLOCK / LANES;
+/// Rows that follow each other before the next block of columns.
+const STRIP: usize = if cfg!(test) { 3 } else { 4 };
 
 /// What is known of the pixels of a block on their way through the frames.
 struct Block<S: Simd> {

@@ -86,12 +86,7 @@ fn interleave(channels: &[f32], out: &mut [Rgb]) {
 pub(crate) fn raw_row(frame: &PreparedFrame, slot: &LightSlot, k: usize, y: usize, out: &mut [f32]) -> bool {
     match &frame.stored[slot.light] {
         Samples::Black => out.fill(0.0),
-        Samples::Packed(plane) => {
-            let w = (out.len() / 3).max(1);
-            for (c, out) in out.chunks_exact_mut(w).enumerate() {
-                frame.samples.channel(plane + k, c, y, out);
-            }
-        }
+        Samples::Packed(plane) => frame.samples.channels(plane + k, y, out),
         Samples::Own(_) | Samples::Gone => return false,
     }
     true

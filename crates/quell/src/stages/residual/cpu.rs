@@ -203,11 +203,12 @@ impl Level<'_> {
     /// what they keep by the windows around.
     fn changes(&self, smooth: &Rows, noise: &Rows, kept: Option<&Rows>) -> Rows {
         let size = smooth.size();
+        let holders: Vec<_> = (0..size.width).map(|x| holding(0, x, self.cell)).collect();
         Rows::written(size, 3 * self.planes.len(), |v, out| {
             for (light, out) in out.chunks_exact_mut(3 * size.width).enumerate() {
                 let around = noise.row(holding(self.first, v, self.cell), light);
                 let kept = kept.map(|kept| kept.row(v, light));
-                widest!(self.changes_row(smooth, (v, light), (around, kept), out));
+                widest!(self.changes_row(smooth, (v, light), (around, &holders, kept), out));
             }
         })
     }
@@ -272,36 +273,48 @@ impl Level<'_> {
         squares(&self.kernel) / (self.cell * self.cell) as f32
     }
 
-    /// Shrunk ratios of a row of cells, of one light. `kept_around`: at least so much of them is kept.
+    /// Shrunk ratios of a row of cells, of one light. `holders`: of each cell the one of the coarsest level that holds it; `kept_around`: at least
+    /// so much of them is kept.
     #[inline(always)]
     fn changes_row(
         &self,
         smooth: &Rows,
         (v, light): (usize, usize),
-        (around, kept_around): (&[f32], Option<&[f32]>),
+        (around, holders, kept_around): (&[f32], &[usize], Option<&[f32]>),
         out: &mut [f32],
     ) {
         let w = smooth.size().width;
         let share_of_pixel = self.share_of_pixel();
         let mut noise = par::scratch(w);
         self.noise_row(smooth, (v, light), &mut noise);
-        let channels = channels(smooth, (v, light));
+        let [red, green, blue] = channels(smooth, (v, light));
+        let (red, green, blue) =
+            ((&red.0[..w], &red.1[..w]), (&green.0[..w], &green.1[..w]), (&blue.0[..w], &blue.1[..w]));
+        let mut least = par::unset_scratch(w);
+        least.iter_mut().zip(holders).for_each(|(least, holder)| *least = around[*holder]);
+        let (out_red, rest) = out.split_at_mut(w);
+        let (out_green, out_blue) = rest.split_at_mut(w);
+        let ([low, high], sure) = (self.trust.change, self.trust.sure * share_of_pixel);
+        let weak = 3.0 * (self.trust.noise + LEAST);
+        // No arrays that are mapped: they are compiled apart, for narrow vectors.
         for x in 0..w {
-            let ratio = channels.map(|(light, residual)| residual[x] / (light[x] + LEAST));
-            let squared = noise[x].max(around[holding(0, x, self.cell)]);
-            let size: f32 = ratio.iter().map(|r| r * r).sum();
-            let doubt = self.trust.sure * share_of_pixel * squared;
+            let r = red.1[x] / (red.0[x] + LEAST);
+            let g = green.1[x] / (green.0[x] + LEAST);
+            let b = blue.1[x] / (blue.0[x] + LEAST);
+            let squared = noise[x].max(least[x]);
+            let size = r * r + g * g + b * b;
+            let doubt = sure * squared;
             // NaN, of infinities, is no agreement.
             let kept = if doubt < size { 1.0 - doubt / size } else { 0.0 };
-            let most = squared + 3.0 * (self.trust.noise + LEAST);
+            let most = squared + weak;
             let share = if squared.is_finite() { squared / most } else { 0.0 };
             let mut kept = kept * share;
             if let Some(around) = kept_around {
                 kept = kept.max(around[x]);
             }
-            for (c, ratio) in ratio.into_iter().enumerate() {
-                out[c * w + x] = (ratio * kept).max(self.trust.change[0]).min(self.trust.change[1]);
-            }
+            out_red[x] = (r * kept).max(low).min(high);
+            out_green[x] = (g * kept).max(low).min(high);
+            out_blue[x] = (b * kept).max(low).min(high);
         }
     }
 

@@ -40,11 +40,9 @@ pub(crate) fn signature(features: &Features, picture: &Plane<Rgb>) -> Rows {
             let (window, rest) = rest.split_at_mut(3 * w);
             window.copy_from_slice(wide.channels(y));
             let (albedo, rest) = rest.split_at_mut(3 * w);
-            for (c, albedo) in albedo.chunks_exact_mut(w).enumerate() {
-                match &features.albedo_around {
-                    Some(around) => around.channel(0, c, y, albedo),
-                    None => albedo.fill(0.0),
-                }
+            match &features.albedo_around {
+                Some(around) => around.channels(0, y, albedo),
+                None => albedo.fill(0.0),
             }
             // Rows that there are.
             let lines = &lines[usize::from(y == 0)..3 - usize::from(y + 1 == size.height)];
@@ -85,12 +83,20 @@ fn binomial_row(lines: [&[Rgb]; 3], out: &mut [f32]) {
 fn padded_normals(features: &Features, rows: &Range<usize>) -> Band {
     let (w, h) = (features.size.width, features.size.height);
     Band::filled(&rows_around(rows, 1, h), w + 2, 3, |y, out| {
+        let mut seen_there = par::unset_scratch(3 * w);
+        let seen = match (&features.seen, features.has_seen[1]) {
+            (Some(seen), true) => {
+                seen.channels(1, y, &mut seen_there);
+                Some(&seen_there[..])
+            }
+            _ => None,
+        };
         for (c, out) in out.chunks_exact_mut(w + 2).enumerate() {
             (out[0], out[w + 1]) = (0.0, 0.0);
             let out = &mut out[1..=w];
-            match (&features.seen, features.has_seen[1]) {
-                (Some(seen), true) => seen.channel(1, c, y, out),
-                _ => {
+            match seen {
+                Some(seen) => out.copy_from_slice(&seen[c * w..][..w]),
+                None => {
                     for (out, surface) in out.iter_mut().zip(&features.surface[y * w..]) {
                         *out = surface.normal[c];
                     }
@@ -164,14 +170,14 @@ pub(crate) fn run(
     for rows in bands(size.height) {
         let joint = Joint::new((window, &fronts), centre, gather, settings, rows.clone());
         let pixels = rows.start * w..rows.end * w;
-        let out = &mut out.data_mut()[pixels.clone()];
+        let (out, strip) = (&mut out.data_mut()[pixels.clone()], STRIP * w);
         if has_alpha {
-            par::two_rows(out, w, &mut coverage.data_mut()[pixels], w, |y, row, coverage| {
-                dispatch!(crate::simd::level(), simd => joint.row(simd, rows.start + y, row, coverage));
+            par::two_rows(out, strip, &mut coverage.data_mut()[pixels], strip, |k, strip, coverage| {
+                dispatch!(crate::simd::level(), simd => joint.strip(simd, rows.start + STRIP * k, strip, coverage));
             });
         } else {
-            par::rows(out, w, |y, row| {
-                dispatch!(crate::simd::level(), simd => joint.row(simd, rows.start + y, row, &mut []));
+            par::rows(out, strip, |k, strip| {
+                dispatch!(crate::simd::level(), simd => joint.strip(simd, rows.start + STRIP * k, strip, &mut []));
             });
         }
     }
@@ -198,6 +204,7 @@ pub(crate) struct Joint<'a> {
     gather: &'a Gather,
     settings: &'a Stabilise,
     noise: PictureNoise,
+    visits: Vec<Visit>,
     /// The window once more, for its outliers.
     frames: Vec<BlendFrame<'a>>,
     /// Mean over 5x5 of the input.
@@ -250,21 +257,60 @@ impl<'a> Joint<'a> {
             has_alpha: has_alpha(window),
             gather,
             settings,
+            visits: Visit::all(window, centre, gather.future, settings.frames as usize),
             input: mean_colours(window[centre].input, super::WIDE, &rows),
             noise: PictureNoise::new(&frames, centre, window[centre].picture, (gather, settings.nearer), rows),
             frames,
         }
     }
 
+    /// Some rows, from row `first` on: a run of blocks after the other, each in all rows, so that what its taps read is still near in the next row.
     #[inline(always)]
-    fn row<S: Simd>(&self, simd: S, y: usize, row: &mut [Rgb], coverage: &mut [f32]) {
+    fn strip<S: Simd>(&self, simd: S, first: usize, out: &mut [Rgb], coverage: &mut [f32]) {
         let here = &self.window[self.centre];
-        let w = row.len();
+        let w = here.features.size.width;
         if here.signature.is_none() {
             return;
         }
-        for x in (0..w).step_by(BLOCK) {
-            let count = BLOCK.min(w - x);
+        let mut blocks = Vec::with_capacity(RUN);
+        let mut found = vec![Found::NONE; RUN * self.visits.len()];
+        for start in (0..w).step_by(RUN * BLOCK) {
+            let columns = start..(start + RUN * BLOCK).min(w);
+            for (k, row) in out.chunks_exact_mut(w).enumerate() {
+                let y = first + k;
+                self.averaged(simd, (columns.clone(), y), &mut blocks, &mut found);
+                for block in &blocks {
+                    let (x, own) = (block.x, self.colours::<true, _>(simd, (block.x as isize, y), block.lanes.raw));
+                    let total = f32x16::from_slice(simd, &block.sums[4]);
+                    let mut found = [[0.0; BLOCK]; 4];
+                    for c in 0..4 {
+                        (own[c] + f32x16::from_slice(simd, &block.sums[c]) / total).store_slice(&mut found[c]);
+                    }
+                    for (i, colour) in row[x..x + block.count].iter_mut().enumerate() {
+                        *colour = [found[0][i], found[1][i], found[2][i]];
+                    }
+                    if let Some(coverage) = coverage.get_mut(k * w + x..k * w + x + block.count) {
+                        coverage.copy_from_slice(&found[3][..block.count]);
+                    }
+                }
+            }
+        }
+    }
+
+    /// The sums of a run of blocks of a row.
+    #[inline(always)]
+    fn averaged<S: Simd>(
+        &self,
+        simd: S,
+        (columns, y): (Range<usize>, usize),
+        blocks: &mut Vec<Pixels<'a, S>>,
+        found: &mut [Found],
+    ) {
+        let here = &self.window[self.centre];
+        let w = here.features.size.width;
+        blocks.truncate(columns.len().div_ceil(BLOCK));
+        for (k, x) in columns.clone().step_by(BLOCK).enumerate() {
+            let count = BLOCK.min(columns.end - x);
             let statistics = self.noise.lanes(simd, (x, y));
             let mut lanes = bandwidth_lanes(simd, &statistics, self.settings, here.features.camera_motion);
             let noise = statistics.0.noise(simd, 1);
@@ -277,27 +323,29 @@ impl<'a> Joint<'a> {
                     }
                 }
             }
-            let reach = TAP_RADIUS as isize;
+            let block = Pixels::new(simd, (x, count), (lanes, noise), believed);
+            match blocks.get_mut(k) {
+                Some(before) => *before = Pixels { mirrors: std::mem::take(&mut before.mirrors), ..block },
+                None => blocks.push(block),
+            }
+        }
+        let reach = TAP_RADIUS as isize;
+        for block in &mut *blocks {
+            let x = block.x;
             let mut sums = if whole(x as isize - reach, w) && whole(x as isize + reach, w) {
-                self.sums_around::<false, _>(simd, (x, y), &lanes)
+                self.sums_around::<false, _>(simd, (x, y), &block.lanes)
             } else {
-                self.sums_around::<true, _>(simd, (x, y), &lanes)
+                self.sums_around::<true, _>(simd, (x, y), &block.lanes)
             };
-            for (total, believed) in sums[4].iter_mut().zip(believed.iter().flatten()) {
+            for (total, believed) in sums[4].iter_mut().zip(block.believed.iter().flatten()) {
                 *total += believed.max(LEAST_OWN) - 1.0;
             }
-            self.add_in_time(simd, (x, y), count, (&lanes, noise), &mut sums);
-            let own = self.colours::<true, _>(simd, (x as isize, y), lanes.raw);
-            let total = f32x16::from_slice(simd, &sums[4]);
-            let mut found = [[0.0; BLOCK]; 4];
-            for c in 0..4 {
-                (own[c] + f32x16::from_slice(simd, &sums[c]) / total).store_slice(&mut found[c]);
-            }
-            for (i, colour) in row[x..x + count].iter_mut().enumerate() {
-                *colour = [found[0][i], found[1][i], found[2][i]];
-            }
-            if let Some(coverage) = coverage.get_mut(x..x + count) {
-                coverage.copy_from_slice(&found[3][..count]);
+            block.sums = sums;
+        }
+        self.follow(simd, y, blocks, found);
+        for (visit, found) in self.visits.iter().zip(found.chunks_exact_mut(RUN)) {
+            for (block, found) in blocks.iter_mut().zip(found) {
+                self.add_in_time(simd, y, block, visit, found);
             }
         }
     }
@@ -408,108 +456,103 @@ impl<'a> Joint<'a> {
         found
     }
 
-    /// Adds to them the pixels of other frames. Pixels beside each other mostly move alike: their taps lie side by side, too.
+    /// Follows the pixels of a run of blocks through the other frames.
     #[inline(always)]
-    fn add_in_time<S: Simd>(
-        &self,
-        simd: S,
-        (x, y): (usize, usize),
-        count: usize,
-        (lanes, noise): (&BandwidthLanes<S>, f32x16<S>),
-        sums: &mut [[f32; BLOCK]; 5],
-    ) {
+    fn follow<S: Simd>(&self, simd: S, y: usize, blocks: &mut [Pixels<'a, S>], found: &mut [Found]) {
         let here = &self.window[self.centre];
-        let row_length = here.features.size.width;
-        let noises: [f32; BLOCK] = noise.into();
-        let (mut places, mut met) = ([const { Found::NONE }; MOST_PLACES], 0);
-        let mut own = [0.0; BLOCK];
-        for (sum, colour) in own.iter_mut().zip(&here.input.row(y)[x..x + count]) {
-            *sum = colour[0] + colour[1] + colour[2];
+        let w = here.features.size.width;
+        let start = (here.features, &self.fronts[self.centre]);
+        for block in &mut *blocks {
+            let mut own = [0.0; BLOCK];
+            for (sum, colour) in own.iter_mut().zip(&here.input.row(y)[block.x..block.x + block.count]) {
+                *sum = colour[0] + colour[1] + colour[2];
+            }
+            block.shown = ShownLanes::new(load::<true, _>(simd, self.around.row(y, BRIGHTNESS), block.x as isize));
+            block.shown.add(simd, &own, &[1.0; BLOCK]);
         }
-        let mut shown = ShownLanes::new(load::<true, _>(simd, self.around.row(y, BRIGHTNESS), x as isize));
-        shown.add(simd, &own, &[1.0; BLOCK]);
-        for forward in [false, true] {
-            if forward && !self.gather.future {
-                continue;
-            }
-            let ahead = if forward { self.window.len() - 1 - self.centre } else { self.centre };
-            let ahead = ahead.min(self.settings.frames as usize);
-            if ahead == 0 {
-                continue;
-            }
-            let start = (here.features, &self.fronts[self.centre]);
-            // What mirrors show moves by its own motion, and seldom fills a row.
-            let (mut tracks, mut wanted) = ([const { None::<Track<'_>> }; BLOCK], [0.0; BLOCK]);
-            let mut mirrors = false;
-            for i in 0..count {
-                if here.features.is_mirror(y * row_length + x + i) {
-                    tracks[i] = Some(Track::new(start, (x + i, y), noises[i], self.gather, self.settings));
-                    mirrors = true;
-                } else {
-                    wanted[i] = 1.0;
+        for (visit, found) in self.visits.iter().zip(found.chunks_exact_mut(RUN)) {
+            let (from, other) = (self.window[visit.from].features, &self.window[visit.frame]);
+            let there = (other.features, &self.fronts[visit.frame]);
+            for (block, found) in blocks.iter_mut().zip(found) {
+                if visit.away == 1 {
+                    let noises: [f32; BLOCK] = block.noise.into();
+                    let mut wanted = [0.0; BLOCK];
+                    block.mirrors.clear();
+                    for i in 0..block.count {
+                        // What mirrors show moves by its own motion, and seldom fills a row.
+                        let x = block.x + i;
+                        if here.features.is_mirror(y * w + x) {
+                            let track = Track::new(start, (x, y), noises[i], self.gather, self.settings);
+                            block.mirrors.push((i, track));
+                        } else {
+                            wanted[i] = 1.0;
+                        }
+                    }
+                    let at = (block.x, y);
+                    block.surfaces =
+                        Some(Tracks::new(simd, start, at, (&wanted, block.noise), self.gather, self.settings));
                 }
-            }
-            let mut surfaces = Tracks::new(simd, start, (x, y), (&wanted, noise), self.gather, self.settings);
-            for away in 1..=ahead {
-                let (from, frame) = if forward {
-                    (self.centre + away - 1, self.centre + away)
-                } else {
-                    (self.centre + 1 - away, self.centre - away)
-                };
-                let other = &self.window[frame];
-                let Some(found) = places.get_mut(met).filter(|_| other.signature.is_some()) else { break };
-                (found.frame, found.away) = (frame, away);
-                let there = (other.features, &self.fronts[frame]);
+                found.lanes = 0;
                 let (mut inputs, mut known) = ([0.0; BLOCK], [0.0; BLOCK]);
                 let mut meet = |i: usize, at: [f32; 2], column: f32, row: f32| {
                     (found.at[0][i], found.at[1][i]) = (at[0], at[1]);
                     let (column, row) = (column as isize, row as isize);
-                    found.places[i] = (column - i as isize, row);
+                    found.places[i] = (column as i32 - i as i32, row as i32);
                     found.lanes |= 1 << i;
                     if let Some(row) = other.features.row_here(row) {
                         let colour = other.input.at(column as usize, row);
                         (inputs[i], known[i]) = (colour[0] + colour[1] + colour[2], 1.0);
                     }
                 };
-                if let Some(reached) = surfaces.step(simd, self.window[from].features, there, forward) {
-                    for i in (0..count).filter(|i| reached.found[*i] > 0.0) {
-                        meet(i, [reached.at[0][i], reached.at[1][i]], reached.column[i], reached.row[i]);
+                let reached = match &mut block.surfaces {
+                    Some(surfaces) => surfaces.step(simd, from, there, visit.forward),
+                    None => None,
+                };
+                if let Some(reached) = reached {
+                    for i in 0..block.count {
+                        if reached.found[i] > 0.0 {
+                            meet(i, [reached.at[0][i], reached.at[1][i]], reached.column[i], reached.row[i]);
+                        }
                     }
                 }
-                for (i, followed) in tracks[..count].iter_mut().enumerate().filter(|_| mirrors) {
-                    let Some(track) = followed.as_mut() else { continue };
-                    if track.step(self.window[from].features, there, forward).is_none() {
-                        *followed = None;
+                let mut k = 0;
+                while let Some((i, track)) = block.mirrors.get_mut(k) {
+                    if track.step(from, there, visit.forward).is_none() {
+                        block.mirrors.swap_remove(k);
                         continue;
                     }
                     let (column, row) = track.at;
-                    meet(i, [column, row], column.round(), row.round());
+                    meet(*i, [column, row], column.round(), row.round());
+                    k += 1;
                 }
-                shown.add(simd, &inputs, &known);
-                met += 1;
+                block.shown.add(simd, &inputs, &known);
             }
         }
-        let bounds = shown.bounds(self.settings, here.features.camera_motion);
-        for found in &mut places[..met] {
-            // Those that moved alike at once.
-            while found.lanes != 0 {
-                let place = found.places[found.lanes.trailing_zeros() as usize];
-                let mut alike = [0.0; BLOCK];
-                for i in 0..count {
-                    if found.lanes >> i & 1 == 1 && found.places[i] == place {
-                        alike[i] = 1.0;
-                        found.lanes &= !(1 << i);
-                    }
+    }
+
+    /// Adds the taps of a block in another frame. Pixels beside each other mostly move alike: their taps lie side by side, too.
+    #[inline(always)]
+    fn add_in_time<S: Simd>(&self, simd: S, y: usize, block: &mut Pixels<'a, S>, visit: &Visit, found: &mut Found) {
+        let here = self.window[self.centre].features;
+        let other = &self.window[visit.frame];
+        let Some(signatures) = other.signature else { return };
+        let (x, bounds) = (block.x, block.shown.bounds(self.settings, here.camera_motion));
+        // Those that moved alike at once.
+        while found.lanes != 0 {
+            let place = found.places[found.lanes.trailing_zeros() as usize];
+            let mut alike = [0.0; BLOCK];
+            for i in 0..block.count {
+                if found.lanes >> i & 1 == 1 && found.places[i] == place {
+                    alike[i] = 1.0;
+                    found.lanes &= !(1 << i);
                 }
-                let other = &self.window[found.frame];
-                let Some(signatures) = other.signature else { continue };
-                let (away, at) = (found.away, &found.at);
-                let there = Alike { place, other, signatures, away, at, alike: &alike };
-                if there.within() && whole(x as isize, here.features.size.width) {
-                    self.add_taps::<false, _>(simd, (x, y), &there, (lanes, bounds), sums);
-                } else {
-                    self.add_taps::<true, _>(simd, (x, y), &there, (lanes, bounds), sums);
-                }
+            }
+            let place = (place.0 as isize, place.1 as isize);
+            let there = Alike { place, other, signatures, away: visit.away, at: &found.at, alike: &alike };
+            if there.within() && whole(x as isize, here.size.width) {
+                self.add_taps::<false, _>(simd, (x, y), &there, (&block.lanes, bounds), &mut block.sums);
+            } else {
+                self.add_taps::<true, _>(simd, (x, y), &there, (&block.lanes, bounds), &mut block.sums);
             }
         }
     }
@@ -750,23 +793,88 @@ fn squares<S: Simd>(
     parts[first / 3] * (a * a) + parts[second / 3] * (b * b) + parts[third / 3] * (c * c)
 }
 
-/// Most other frames: those of `stabilise.frames` on either side.
-const MOST_PLACES: usize = 16;
+/// Blocks of a row that meet the other frames one after the other, so that few runs of memory are read at a time; their sums wait meanwhile.
+/// Few in tests, so that small pictures have several runs.
+const RUN: usize = if cfg!(test) { 2 } else { 32 };
+
+/// Rows that a run's pixels are averaged in, one after the other, before those of the next.
+const STRIP: usize = if cfg!(test) { 3 } else { 8 };
+
+/// A block of a run.
+struct Pixels<'a, S: Simd> {
+    /// Its first column, and the pixels that there are.
+    x: usize,
+    count: usize,
+    lanes: BandwidthLanes<S>,
+    noise: f32x16<S>,
+    /// See [`Joint::believed`].
+    believed: Option<[f32; BLOCK]>,
+    /// Colours, coverage and weights.
+    sums: [[f32; BLOCK]; 5],
+    shown: ShownLanes<S>,
+    /// Where its pixels lie in the frame that was met last; those of mirrors with their lanes.
+    surfaces: Option<Tracks<'a, S>>,
+    mirrors: Vec<(usize, Track<'a>)>,
+}
+
+impl<S: Simd> Pixels<'_, S> {
+    #[inline(always)]
+    fn new(
+        simd: S,
+        (x, count): (usize, usize),
+        (lanes, noise): (BandwidthLanes<S>, f32x16<S>),
+        believed: Option<[f32; BLOCK]>,
+    ) -> Self {
+        let shown = ShownLanes::new(f32x16::splat(simd, 0.0));
+        let (sums, mirrors) = ([[0.0; BLOCK]; 5], Vec::new());
+        Self { x, count, lanes, noise, believed, sums, shown, surfaces: None, mirrors }
+    }
+}
+
+/// A frame that trajectories meet.
+struct Visit {
+    forward: bool,
+    /// Frames between, and one.
+    away: usize,
+    /// The frame met before it.
+    from: usize,
+    frame: usize,
+}
+
+impl Visit {
+    /// Frames before, from the nearest on, then those after.
+    fn all(window: &[StabiliseFrame<'_>], centre: usize, future: bool, most: usize) -> Vec<Self> {
+        let mut visits = Vec::new();
+        for forward in [false, true] {
+            let ahead = match forward {
+                false => centre,
+                true if future => window.len() - 1 - centre,
+                true => 0,
+            };
+            for away in 1..=ahead.min(most) {
+                let at = |away: usize| if forward { centre + away } else { centre - away };
+                if window[at(away)].signature.is_none() {
+                    break;
+                }
+                visits.push(Self { forward, away, from: at(away - 1), frame: at(away) });
+            }
+        }
+        visits
+    }
+}
 
 /// Where sixteen pixels lie in another frame.
+#[derive(Clone, Copy)]
 struct Found {
-    frame: usize,
-    /// Frames between.
-    away: usize,
     at: [[f32; BLOCK]; 2],
     /// Of the i-th the pixel nearest to it, less i columns.
-    places: [(isize, isize); BLOCK],
+    places: [(i32, i32); BLOCK],
     /// Bit i: it was found.
     lanes: u32,
 }
 
 impl Found {
-    const NONE: Self = Self { frame: 0, away: 0, at: [[0.0; BLOCK]; 2], places: [(0, 0); BLOCK], lanes: 0 };
+    const NONE: Self = Self { at: [[0.0; BLOCK]; 2], places: [(0, 0); BLOCK], lanes: 0 };
 }
 
 /// Those of sixteen pixels whose taps in another frame lie side by side.
