@@ -479,7 +479,7 @@ impl<'s> World<'s> {
         }
         let corners = mesh.triangles[source.triangle as usize];
         let [a, b, c] = corners.map(|i| placed.previous_transform.transform_point3(positions[i as usize]));
-        let n = corners.map(|i| Vec3::from(placed.normal_matrix * normals[i as usize]).normalize_or_zero());
+        let n = corners.map(|i| (placed.normal_matrix * normals[i as usize]).normalize_or_zero());
         let Vec2 { x: u, y: v } = point.barycentric;
         let mean = n[0] * (1.0 - u - v) + n[1] * u + n[2] * v;
         let scale = if mean.dot(normal) < 0.0 { -1.0 } else { 1.0 } / mean.length();
