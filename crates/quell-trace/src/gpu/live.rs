@@ -61,7 +61,7 @@ pub struct Planes {
     pub depth_hit: wgpu::TextureView,
     /// Motion in pixels, previous = current + motion, y down; rg32float. In mirrors that of the image. Unknown: 1e30.
     pub motion: wgpu::TextureView,
-    /// Number of the instance + 1; in mirrors and through lenses the upper 16 bits tell the chain; r32uint.
+    /// Number of the instance + 1; the upper 16 bits are those of the mirrors and lenses it is seen through; r32uint.
     pub surface_id: wgpu::TextureView,
     size: Size,
 }
