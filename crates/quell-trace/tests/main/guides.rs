@@ -14,7 +14,10 @@ const SIZE: Size = Size::new(64, 48);
 
 /// Mirrors are surfaces.
 fn render(scene: &Scene, frame: i64) -> FrameBuf {
-    let primary_replacement = PrimaryReplacement::Glass;
+    traced(scene, frame, PrimaryReplacement::Glass)
+}
+
+fn traced(scene: &Scene, frame: i64, primary_replacement: PrimaryReplacement) -> FrameBuf {
     let options = RenderOptions { direct_samples: 1, bounces: 0, primary_replacement, ..RenderOptions::new(SIZE) };
     Tracer::new(scene, frame, 1).unwrap().render(&options, &Control::default()).unwrap().frame
 }
@@ -203,14 +206,8 @@ fn a_plane_mirror_shows_the_unfolded_world() {
     let thing = shapes::quad(Vec3::new(-9.0, 9.0, 0.0), Vec3::X * 18.0, Vec3::Y * -18.0);
     scene.place_moving(thing, matte, Track::function(thing_at));
     scene.cameras.push(moving_camera());
-    let options = RenderOptions {
-        direct_samples: 1,
-        bounces: 0,
-        primary_replacement: PrimaryReplacement::GlassAndMirrors,
-        ..RenderOptions::new(SIZE)
-    };
     let number = 3.0;
-    let frame = Tracer::new(&scene, number as i64, 1).unwrap().render(&options, &Control::default()).unwrap().frame;
+    let frame = traced(&scene, number as i64, PrimaryReplacement::GlassAndMirrors);
     let mirrored = |p: Vec3, frame: f64| {
         let place = mirror_at(frame);
         let (point, normal) = (place.transform_point3(Vec3::ZERO), place.transform_vector3(Vec3::Z));
@@ -268,13 +265,7 @@ fn images_in_a_curved_mirror_move_as_the_law_of_reflection_says() {
         scene.place_moving(shapes::uv_sphere(1.0, 256, 128), mirror, Track::function(place));
         scene.place(shapes::quad(Vec3::new(-WALL, WALL, 5.0), Vec3::X * 2.0 * WALL, Vec3::Y * -2.0 * WALL), matte);
         scene.cameras.push(moving_camera());
-        let options = RenderOptions {
-            direct_samples: 1,
-            bounces: 0,
-            primary_replacement: PrimaryReplacement::GlassAndMirrors,
-            ..RenderOptions::new(SIZE)
-        };
-        let frame = Tracer::new(&scene, 3, 1).unwrap().render(&options, &Control::default()).unwrap().frame;
+        let frame = traced(&scene, 3, PrimaryReplacement::GlassAndMirrors);
         let now = frame.camera.projection(SIZE).unwrap();
         let before = frame.previous_camera.projection(SIZE).unwrap();
         let ball = |frame: f64| Vec3::from(place(frame).translation);
