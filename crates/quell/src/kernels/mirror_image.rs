@@ -2,7 +2,7 @@
 //! the same reflector.
 
 use super::math::smoothstep;
-use super::reproject::{Expected, Lookup, distance_trust, lookup, on_screen};
+use super::reproject::{Expected, Lookup, bilinear_taps, distance_trust, lookup, on_screen};
 use crate::border::Guides;
 use crate::settings::{GlossyTemporal, HitFilter, REFERENCE_ROWS, Rejection, Settings, SurfaceSettings};
 use glam::{Vec2, Vec3};
@@ -89,6 +89,9 @@ pub(crate) const SAME_PLANE_PX: f32 = 0.01;
 /// A mirror that turns hardly moves its own points, but moves its image twice as fast: motion alone cannot tell that
 /// it rests. It counts as resting where its normal changed by no more than it varies between the four pixels, and its
 /// plane did not shift; then `expected` stays as it is. Else it becomes their mean position and normal.
+///
+/// Where the jitter changed, the samples of both frames lie up to a pixel apart on the same reflector: twice as much as the normal varies
+/// between all four pixels, also those without weight, is then no turn, and what it bends over a pixel no shift.
 pub fn previous_reflector(
     now: &Guides,
     before: &Guides,
@@ -105,10 +108,17 @@ pub fn previous_reflector(
         normal += weight * normal_at(*index);
     }
     let normal = normal.normalize_or_zero();
-    let spread = taps().map(|(index, _)| (normal_at(*index) - normal).length()).fold(0.0, f32::max);
+    let (spread, slack) = if now.jitter == before.jitter {
+        (taps().map(|(index, _)| (normal_at(*index) - normal).length()).fold(0.0, f32::max), 0.0)
+    } else {
+        let around = bilinear_taps(now, expected.coordinate).into_iter().flatten();
+        let same = around.filter(|t| before.is_surface(t.x, t.y) && before.id.at(t.x, t.y) == now.id.at(x, y));
+        let spread = same.map(|t| (Vec3::from(before.normal.at(t.x, t.y)) - normal).length()).fold(0.0, f32::max);
+        (2.0 * spread, spread)
+    };
     let turned = (Vec3::from(now.normal.at(x, y)) - normal).length() > spread + SAME_NORMAL;
     let shift = (now.world(x, y) - position).dot(normal).abs();
-    let shifted = shift > SAME_PLANE_PX * now.view.pixel_size(expected.view_depth);
+    let shifted = shift > (SAME_PLANE_PX + slack) * now.view.pixel_size(expected.view_depth);
     if expected.moved || turned || shifted {
         Expected { position, normal, moved: true, ..*expected }
     } else {
@@ -206,7 +216,8 @@ pub fn bent_coordinate(
     let (p, q) = (du.dot(middle), dv.dot(middle));
     let determinant = a * c - b * b;
     let step = Vec2::new(b * q - c * p, b * p - a * q) / determinant;
-    let place = (surface - 0.5).floor() + 1.0 + step;
+    // Where the frame before had a sample that shows the hit point, as seen from pixel centres: history is addressed as motion is.
+    let place = (surface - 0.5).floor() + 1.0 + step + before.jitter - now.jitter;
     let farthest = FARTHEST_BENT_PX * now.size.height as f32 / REFERENCE_ROWS;
     let good = determinant > LEAST_BENT_DETERMINANT * a * c && (place - surface).length() <= farthest;
     Some(if good { place } else { surface })

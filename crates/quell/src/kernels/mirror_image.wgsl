@@ -99,6 +99,16 @@ fn bend_of(tap: Tap, normal: vec3f) -> f32 {
     return select(0.0, length(tap.normal - normal), tap.weight > 0.0);
 }
 
+// How far the normal of a pixel of the footprint is from this one, where it shows the object `id`.
+fn bend_beside(visible: Lookup, k: i32, id: u32, normal: vec3f) -> f32 {
+    let q = footprint_pixel(visible.first, k);
+    if !contains_before(q) {
+        return 0.0;
+    }
+    let there = before_at(q);
+    return select(0.0, length(there.normal - normal), there.depth != BACKGROUND && there.id == id);
+}
+
 // Glossy light: the footprint at a virtual coordinate, each pixel tested for the same reflector, and in mirrors for the same
 // reflected point. Never by point distance: there the previous surface is another point of the mirror.
 fn reflector_lookup(expected: Expected, coordinate: vec2f, hit: Reflected, pixel: vec2i) -> Lookup {
@@ -124,6 +134,9 @@ fn reflector_lookup(expected: Expected, coordinate: vec2f, hit: Reflected, pixel
 // A mirror that turns hardly moves its own points, but moves its image twice as fast: motion alone cannot tell that
 // it rests. It counts as resting where its normal changed by no more than it varies between the four pixels, and its
 // plane did not shift; then `expected` stays as it is. Else it becomes their mean position and normal.
+//
+// Where the jitter changed, the samples of both frames lie up to a pixel apart on the same reflector: twice as much as the normal varies
+// between all four pixels, also those without weight, is then no turn, and what it bends over a pixel no shift.
 fn previous_reflector(expected: Expected, visible: Lookup, pixel: vec2i) -> Expected {
     let a = tap_of(visible, 0, visible.weight.x);
     let b = tap_of(visible, 1, visible.weight.y);
@@ -132,10 +145,19 @@ fn previous_reflector(expected: Expected, visible: Lookup, pixel: vec2i) -> Expe
     let position = a.weight * a.position + b.weight * b.position + c.weight * c.position + d.weight * d.position;
     let sum = a.weight * a.normal + b.weight * b.normal + c.weight * c.normal + d.weight * d.normal;
     let normal = normalize_or_zero(sum);
-    let spread = max(max(bend_of(a, normal), bend_of(b, normal)), max(bend_of(c, normal), bend_of(d, normal)));
+    var spread = max(max(bend_of(a, normal), bend_of(b, normal)), max(bend_of(c, normal), bend_of(d, normal)));
+    var slack = 0.0;
+    if any(frame.jitter != frame.before_jitter) {
+        let id = surface_of(pixel).id;
+        slack = max(spread, max(
+            max(bend_beside(visible, 0, id, normal), bend_beside(visible, 1, id, normal)),
+            max(bend_beside(visible, 2, id, normal), bend_beside(visible, 3, id, normal)),
+        ));
+        spread = 2.0 * slack;
+    }
     let turned = length(surface_of(pixel).normal - normal) > spread + SAME_NORMAL;
     let shift = abs(dot(world_of(pixel) - position, normal));
-    let shifted = shift > SAME_PLANE_PX * pixel_size_at(frame.view, expected.view_depth);
+    let shifted = shift > (SAME_PLANE_PX + slack) * pixel_size_at(frame.view, expected.view_depth);
     var before = expected;
     if expected.moved || turned || shifted {
         before.position = position;
@@ -228,7 +250,8 @@ fn bent_coordinate(expected: Expected, visible: Lookup, hit_distance: f32, pixel
         return Place(expected.coordinate, true);
     }
     let newton = vec2f(b * q - c * p, b * p - a * q) / determinant;
-    let place = floor(surface - 0.5) + 1.0 + newton;
+    // Where the frame before had a sample that shows the hit point, as seen from pixel centres: history is addressed as motion is.
+    let place = floor(surface - 0.5) + 1.0 + newton + frame.before_jitter - frame.jitter * frame.to_before;
     let good = length(place - surface) <= settings.mirror.farthest_bent_px;
     return Place(select(expected.coordinate, place / frame.to_before, good), true);
 }

@@ -18,6 +18,7 @@ pub(crate) fn previous_reflectors(
     alive: &[u32; LANES],
     e: &mut Expected,
 ) {
+    let jittered = guides.now.jitter != guides.before.jitter;
     for i in 0..LANES {
         let (mut position, mut normal) = ([0.0; 3], [0.0; 3]);
         for k in 0..4 {
@@ -43,17 +44,21 @@ pub(crate) fn previous_reflectors(
         let mut spread = 0.0;
         for k in 0..4 {
             let d = squared_distance(lane(&footprint.normal[k], i));
-            spread = if (visible.weight[k][i] > 0.0) & (d > spread) { d } else { spread };
+            let same = (footprint.depth[k][i] < f32::INFINITY) & (footprint.id[k][i] == e.id[i]);
+            let counts = (visible.weight[k][i] > 0.0) | (jittered & same);
+            spread = if counts & (d > spread) { d } else { spread };
         }
+        let spread = spread.sqrt();
+        let (turn, slack) = if jittered { (2.0 * spread, spread) } else { (spread, 0.0) };
         let mut bent = false;
         for k in 0..4 {
             let difference = three(|c| footprint.normal[k][c][i] - first[c]);
             bent |= (visible.weight[k][i] > 0.0) & (dot(difference, difference).sqrt() > SAME_NORMAL);
         }
         e.bent[i] = u32::from(bent) & alive[i];
-        let turned = squared_distance(lane(&e.normal, i)).sqrt() > spread.sqrt() + SAME_NORMAL;
+        let turned = squared_distance(lane(&e.normal, i)).sqrt() > turn + SAME_NORMAL;
         let offset = three(|c| e.position[c][i] - position[c]);
-        let shifted = dot(offset, normal).abs() > SAME_PLANE_PX * guides.now.view.pixel_size(e.depth[i]);
+        let shifted = dot(offset, normal).abs() > (SAME_PLANE_PX + slack) * guides.now.view.pixel_size(e.depth[i]);
         let moved = (e.moved[i] != 0) | turned | shifted;
         e.moved[i] = u32::from(moved) & alive[i];
         for c in 0..3 {
@@ -168,8 +173,8 @@ pub(crate) fn bent_coordinates(
         let (p, q) = (dot(du, middle), dot(dv, middle));
         let determinant = a * c - b * b;
         let (sx, sy) = (e.coordinate[0][i], e.coordinate[1][i]);
-        let x = (sx - 0.5).floor() + 1.0 + (b * q - c * p) / determinant;
-        let y = (sy - 0.5).floor() + 1.0 + (b * p - a * q) / determinant;
+        let x = (sx - 0.5).floor() + 1.0 + (b * q - c * p) / determinant + before.jitter.x - now.jitter.x;
+        let y = (sy - 0.5).floor() + 1.0 + (b * p - a * q) / determinant + before.jitter.y - now.jitter.y;
         let (dx, dy) = (x - sx, y - sy);
         let whole = (visible.weight[0][i] > 0.0)
             & (visible.weight[1][i] > 0.0)

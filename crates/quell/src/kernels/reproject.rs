@@ -68,7 +68,7 @@ pub fn expected_surface(
         return Some(Expected { coordinate, position, normal: Vec3::from(now.normal.at(x, y)), view_depth, moved });
     }
     // Motion gives the pixel but not the depth: the nearest previous pixel of the same object anchors the plane.
-    let nearest = taps(now, coordinate)
+    let nearest = bilinear_taps(now, coordinate)
         .into_iter()
         .flatten()
         .filter(|t| before.is_surface(t.x, t.y) && before.id.at(t.x, t.y) == now.id.at(x, y))
@@ -104,13 +104,14 @@ pub fn surface_lookup(
 }
 
 #[derive(Clone, Copy)]
-struct BilinearTap {
-    x: usize,
-    y: usize,
+pub(super) struct BilinearTap {
+    pub(super) x: usize,
+    pub(super) y: usize,
     weight: f32,
 }
 
-fn taps(now: &Guides, coordinate: Vec2) -> [Option<BilinearTap>; 4] {
+/// The four pixels around a place of the previous image, of those that there are.
+pub(super) fn bilinear_taps(now: &Guides, coordinate: Vec2) -> [Option<BilinearTap>; 4] {
     footprint(coordinate.x - 0.5, coordinate.y - 0.5)
         .map(|(x, y, weight)| now.size.contains(x, y).then_some(BilinearTap { x: x as usize, y: y as usize, weight }))
 }
@@ -118,7 +119,7 @@ fn taps(now: &Guides, coordinate: Vec2) -> [Option<BilinearTap>; 4] {
 pub(super) fn lookup(now: &Guides, coordinate: Vec2, trust_of: impl Fn(usize, usize) -> f32) -> Lookup {
     let mut found = Lookup::default();
     let (mut total, mut trusted) = (0.0, 0.0);
-    for (k, tap) in taps(now, coordinate).into_iter().enumerate() {
+    for (k, tap) in bilinear_taps(now, coordinate).into_iter().enumerate() {
         let Some(tap) = tap else { continue };
         let trust = trust_of(tap.x, tap.y);
         if trust > 0.0 {

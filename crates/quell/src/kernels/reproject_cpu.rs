@@ -366,12 +366,12 @@ pub(crate) struct Footprint {
     pub(super) column: [Lanes; 4],
     pub(super) row: [Lanes; 4],
     pub place: [LaneTap; 4],
-    depth: [Lanes; 4],
+    pub(super) depth: [Lanes; 4],
     /// World positions, as the last lookup found them.
     pub(super) position: [Lanes3; 4],
     pub(super) normal: [Lanes3; 4],
     roughness: [Lanes; 4],
-    id: [[u32; LANES]; 4],
+    pub(super) id: [[u32; LANES]; 4],
 }
 
 /// What lanes reflect.
