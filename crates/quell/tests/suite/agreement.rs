@@ -172,7 +172,7 @@ fn scenes() -> [(&'static str, Scene); 4] {
         ("floor", floor(moving, noise)),
         ("box", box_before_wall(moving, noise)),
         ("mirror", mirror(moving, true, noise)),
-        ("sphere", sphere(moving, noise)),
+        ("sphere", sphere(moving_jittered, noise)),
     ]
 }
 

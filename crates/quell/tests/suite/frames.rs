@@ -302,6 +302,11 @@ pub fn moving(t: f64) -> View {
     }
 }
 
+/// [`moving`], jittered as [`jittered`].
+pub fn moving_jittered(t: f64) -> View {
+    View { jitter: jittered(t).jitter, ..moving(t) }
+}
+
 /// Sideways only, under a pixel a frame at the depths used here.
 pub fn creeping(t: f64) -> View {
     View { position: DVec3::new(0.013 * t - 0.1, 0.0, 3.0), forward: -DVec3::Z, jitter: [0.0; 2] }

@@ -3,7 +3,9 @@
 
 use super::device::{By, Job, Output, gpu};
 use super::inputs::Inputs;
-use crate::suite::frames::{Noise, Scene, box_before_wall, floor, jittered, mirror, moving, sphere, with_radius};
+use crate::suite::frames::{
+    Noise, Scene, box_before_wall, floor, jittered, mirror, moving, moving_jittered, sphere, with_radius,
+};
 use quell::gpu::{Kernel, Pass, Storage};
 use quell::stages::glossy_bilateral::Axis;
 use quell::{FrameBuf, Plane, Rgb, Settings, Signal, Size};
@@ -111,7 +113,7 @@ pub fn scenes() -> [(&'static str, Scene); 5] {
         ("floor", floor(moving, noise)),
         ("box", box_before_wall(moving, noise)),
         ("mirror", mirror(moving, true, noise)),
-        ("sphere", sphere(moving, noise)),
+        ("sphere", sphere(moving_jittered, noise)),
         ("jittered", mirror(jittered, false, noise)),
     ]
 }
@@ -454,6 +456,8 @@ pub const PLANTED: &[(&str, &str, &str)] = &[
     ("3", "min(blend.alpha, growing)", "blend.alpha"),
     ("8", "v - 2.0 * dot(v, normal) * normal", "v - 1.9 * dot(v, normal) * normal"),
     ("8, plane", "before.coordinate -= frame.jitter;", ""),
+    ("8", " + frame.before_jitter - frame.jitter * frame.to_before", ""),
+    ("8", "spread = 2.0 * slack;", ""),
     ("8", "> settings.mirror.reflector_roughness", "> -1.0"),
     ("8", "expected.moved || turned || shifted", "expected.moved"),
     ("8", "vec2f(b * q - c * p, b * p - a * q)", "vec2f(0.0)"),
