@@ -3,7 +3,7 @@
 //! on planted differences.
 
 use super::frames::{
-    Kept, Noise, Scene, box_before_wall, denoise, floor, mirror, moving, sequence, sphere, with_radius,
+    Kept, Noise, Scene, box_before_wall, denoise, floor, mirror, moving, moving_jittered, sequence, sphere, with_radius,
 };
 use glam::DMat3;
 use proptest::prelude::*;
