@@ -350,6 +350,10 @@ parameters! {
             "On mirrors trust falls where the previous pixel's reflected ray ended nearer or farther than the reflected point by this; at `surface.falloff` times it nothing is left. Never under `surface.pixel_distance`.",
             higher "What came into view in the mirror takes light from what hid it.", lower "Slanting surfaces in mirrors lose history.",
             source "ours; a match of hit distances as part of a confidence: Zhdan, GDC 2020 (talk)";
+        spline_roughness: f32 = 0.0, 0.0..=1.0, "perceptual roughness",
+            "Below it history is fetched by Catmull and Rom's spline, from 4x4 pixels, where all four around the place show the reflector. Needs `clip`.",
+            higher "Rougher reflections stay sharp as well, and cost more.", lower "0: always from 2x2 pixels: every fetch blurs what polished surfaces show.",
+            source "Catmull and Rom 1974; for history: Karis, SIGGRAPH 2014";
         curvature: bool = true, (), "", "On curved reflectors history is fetched where the previous surface reflected the same point.",
             higher "Curved mirrors keep their images.", lower "As in the paper: every reflector counts as plane, images in curved ones smear.",
             source "ours, named departure: `docs/paper.md`";
@@ -413,6 +417,11 @@ impl GlossyTemporal {
     pub(crate) fn compares_hits(&self) -> bool {
         self.virtual_reprojection && self.mirror_roughness > 0.0
     }
+
+    /// The roughness below which history is fetched by a spline.
+    pub(crate) fn spline_below(&self) -> f32 {
+        if self.clip == Clip::Off { 0.0 } else { self.spline_roughness }
+    }
 }
 
 impl Settings {
@@ -448,6 +457,7 @@ impl Settings {
                 alpha: 0.85,
                 mirror_roughness: 0.03,
                 hit_tolerance: 0.02,
+                spline_roughness: 0.2,
                 ..GlossyTemporal::default()
             },
             // What is young is filtered already; mature light stays sharp.

@@ -160,6 +160,8 @@ export interface Settings {
   "glossy_temporal.mirror_roughness"?: number;
   /** On mirrors trust falls where the previous pixel's reflected ray ended nearer or farther than the reflected point by this; at `surface.falloff` times it nothing is left. Never under `surface.pixel_distance`. From 0 to 10, of the distance. Preset paper: 0.08. */
   "glossy_temporal.hit_tolerance"?: number;
+  /** Below it history is fetched by Catmull and Rom's spline, from 4x4 pixels, where all four around the place show the reflector. Needs `clip`. From 0 to 1, perceptual roughness. Preset paper: 0. */
+  "glossy_temporal.spline_roughness"?: number;
   /** On curved reflectors history is fetched where the previous surface reflected the same point. Preset paper: true. */
   "glossy_temporal.curvature"?: boolean;
   /** Hit distances beyond it count as it. From 0 to 1000000, of view depth. Preset paper: 1000. */

@@ -145,6 +145,7 @@ export function settingsStruct(settings, rows) {
       farthest_bent_px: scaled(made.constants.farthest_bent_px),
       mirror_roughness: s["glossy_temporal.mirror_roughness"],
       hit_tolerance: s["glossy_temporal.hit_tolerance"],
+      spline_below: s["glossy_temporal.clip"] === "off" ? 0 : s["glossy_temporal.spline_roughness"],
     },
     glossy_bilateral: {
       radius: place("glossy_bilateral.radius", s["glossy_bilateral.radius"]),

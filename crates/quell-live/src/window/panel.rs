@@ -20,7 +20,7 @@ const WIDE: f32 = 100.0;
 impl App {
     pub(super) fn panel(&mut self, ui: &mut Ui) {
         let width = ui.available_width();
-        let panel = egui::Panel::left("controls").default_size((width * 0.5).min(290.0)).max_size(width * 0.6);
+        let panel = egui::Panel::left("controls").default_size((width * 0.5).min(310.0)).max_size(width * 0.6);
         panel.show(ui, |ui| {
             // Narrow windows scroll to both sides; the picture keeps its share.
             egui::ScrollArea::both().auto_shrink([false; 2]).show(ui, |ui| {

@@ -102,6 +102,7 @@ struct MirrorSettings {
     farthest_bent_px: f32,
     mirror_roughness: f32,
     hit_tolerance: f32,
+    spline_below: f32,
 }
 
 struct GlossyBilateralSettings {

@@ -132,6 +132,7 @@ uniforms! {
         farthest_bent_px: f32,
         mirror_roughness: f32,
         hit_tolerance: f32,
+        spline_below: f32,
     }
 
     GlossyBilateral as "GlossyBilateralSettings" {
@@ -338,6 +339,7 @@ impl SettingsUniforms {
                 farthest_bent_px: FARTHEST_BENT_PX * rows / REFERENCE_ROWS,
                 mirror_roughness: s.glossy_temporal.mirror_roughness,
                 hit_tolerance: s.glossy_temporal.hit_tolerance,
+                spline_below: s.glossy_temporal.spline_below(),
             },
             glossy_bilateral: GlossyBilateral {
                 radius: match s.glossy_bilateral.radius {

@@ -47,3 +47,13 @@ fn exp_negative(x: f32) -> f32 {
     let scale = bitcast<f32>(u32(k + 127) << 23u);
     return select(p * scale, 0.0, x < -80.0);
 }
+
+// Weights of four pixels in a row for a place at `t` (0 to 1) between the second and the third.
+fn catmull_rom(t: f32) -> vec4f {
+    return vec4f(
+        ((-0.5 * t + 1.0) * t - 0.5) * t,
+        (1.5 * t - 2.5) * t * t + 1.0,
+        ((-1.5 * t + 2.0) * t + 0.5) * t,
+        (0.5 * t - 0.5) * t * t,
+    );
+}

@@ -66,7 +66,7 @@ pub fn reflector_lookup(
         rejection: if surface.rejection == Rejection::Off { Rejection::Off } else { Rejection::Plane },
         ..surface.clone()
     };
-    lookup(now, coordinate, |tx, ty| {
+    let found = lookup(now, coordinate, |tx, ty| {
         if !before.is_surface(tx, ty)
             || before.id.at(tx, ty) != id
             || (before.roughness.at(tx, ty) - roughness).abs() > glossy.reflector_roughness
@@ -76,7 +76,8 @@ pub fn reflector_lookup(
         }
         let trust = distance_trust(now, before, &plane, expected, tx, ty);
         if is_mirror { trust * same_hit(before, settings, hit, least, tx, ty) } else { trust }
-    })
+    });
+    Lookup { spline: found.spline && roughness < glossy.spline_below(), ..found }
 }
 
 /// Normals that differ by less (length of the difference) are the same up to rounding.

@@ -126,7 +126,11 @@ fn reflector_lookup(expected: Expected, coordinate: vec2f, hit: Reflected, pixel
         reflector_trust(expected, wanted, hit, footprint_pixel(footprint.first, 2)),
         reflector_trust(expected, wanted, hit, footprint_pixel(footprint.first, 3)),
     );
-    return lookup_of(footprint, trusts);
+    var found = lookup_of(footprint, trusts);
+    let whole = all((trusts > vec4f(0.0)) | (footprint.weight <= vec4f(0.0)));
+    let inside = contains_before(footprint.first - 1) && contains_before(footprint.first + 2);
+    found.spline = whole && inside && found.trust > 0.0 && own.roughness < settings.mirror.spline_below;
+    return found;
 }
 
 // The reflector at a pixel as the four pixels at its old place show it: `visible` is their lookup.

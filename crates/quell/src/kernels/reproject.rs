@@ -38,6 +38,8 @@ pub struct Lookup {
     pub weight: [f32; 4],
     /// rho, 0..1; 0: there is no history.
     pub trust: f32,
+    /// Colours are fetched from 4x4 pixels by Catmull and Rom's spline: all four show what is looked for.
+    pub spline: bool,
 }
 
 /// Weights under this share of the bilinear footprint are no evidence: rounding of a coordinate.
@@ -92,7 +94,7 @@ pub fn surface_lookup(
     y: usize,
 ) -> Lookup {
     let id = now.id.at(x, y);
-    lookup(now, expected.coordinate, |tx, ty| {
+    let found = lookup(now, expected.coordinate, |tx, ty| {
         if !before.is_surface(tx, ty) || before.id.at(tx, ty) != id {
             return 0.0;
         }
@@ -100,7 +102,8 @@ pub fn surface_lookup(
             return 0.0;
         }
         distance_trust(now, before, settings, expected, tx, ty)
-    })
+    });
+    Lookup { spline: false, ..found }
 }
 
 #[derive(Clone, Copy)]
@@ -116,12 +119,18 @@ pub(super) fn bilinear_taps(now: &Guides, coordinate: Vec2) -> [Option<BilinearT
         .map(|(x, y, weight)| now.size.contains(x, y).then_some(BilinearTap { x: x as usize, y: y as usize, weight }))
 }
 
+/// The footprint's pixels, trusted as `trust_of` says; [`Lookup::spline`] as far as the footprint allows it.
 pub(super) fn lookup(now: &Guides, coordinate: Vec2, trust_of: impl Fn(usize, usize) -> f32) -> Lookup {
     let mut found = Lookup::default();
     let (mut total, mut trusted) = (0.0, 0.0);
+    let mut whole = true;
     for (k, tap) in bilinear_taps(now, coordinate).into_iter().enumerate() {
-        let Some(tap) = tap else { continue };
+        let Some(tap) = tap else {
+            whole = false;
+            continue;
+        };
         let trust = trust_of(tap.x, tap.y);
+        whole &= trust > 0.0 || tap.weight <= 0.0;
         if trust > 0.0 {
             found.index[k] = tap.y * now.size.width + tap.x;
             found.weight[k] = tap.weight;
@@ -136,6 +145,7 @@ pub(super) fn lookup(now: &Guides, coordinate: Vec2, trust_of: impl Fn(usize, us
         *w /= total;
     }
     found.trust = trusted / total;
+    found.spline = whole;
     found
 }
 

@@ -29,10 +29,12 @@ struct Lookup {
     weight: vec4f,
     // rho, 0..1; 0: there is no history.
     trust: f32,
+    // Colours are fetched from 4x4 pixels by Catmull and Rom's spline: all four show what is looked for.
+    spline: bool,
 }
 
 fn no_lookup() -> Lookup {
-    return Lookup(vec2i(0), vec4f(0.0), 0.0);
+    return Lookup(vec2i(0), vec4f(0.0), 0.0, false);
 }
 
 // Position of a pixel of the previous image, whose depth must be finite.
@@ -151,7 +153,7 @@ fn lookup_of(footprint: Footprint, trusts: vec4f) -> Lookup {
         return no_lookup();
     }
     let trusted = weight.x * trusts.x + weight.y * trusts.y + weight.z * trusts.z + weight.w * trusts.w;
-    return Lookup(footprint.first, weight / total, trusted / total);
+    return Lookup(footprint.first, weight / total, trusted / total, false);
 }
 
 // How far a pixel of the previous image is to be trusted to show the expected surface of this object.

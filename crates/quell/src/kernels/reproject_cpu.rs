@@ -363,8 +363,8 @@ impl Segments {
 pub(crate) struct Footprint {
     pub segments: Segments,
     weight: [Lanes; 4],
-    pub(super) column: [Lanes; 4],
-    pub(super) row: [Lanes; 4],
+    pub(crate) column: [Lanes; 4],
+    pub(crate) row: [Lanes; 4],
     pub place: [LaneTap; 4],
     pub(super) depth: [Lanes; 4],
     /// World positions, as the last lookup found them.
@@ -397,11 +397,15 @@ pub(crate) struct Lookup {
     pub weight: [Lanes; 4],
     /// rho, 0..1; 0: there is no history.
     pub trust: Lanes,
+    /// 1: colours are fetched from 4x4 pixels by Catmull and Rom's spline.
+    pub spline: [u32; LANES],
+    /// Some lane's are.
+    pub any_spline: bool,
 }
 
 impl Lookup {
     pub fn new() -> Self {
-        Self { weight: [[0.0; LANES]; 4], trust: [0.0; LANES] }
+        Self { weight: [[0.0; LANES]; 4], trust: [0.0; LANES], spline: [0; LANES], any_spline: false }
     }
 }
 
@@ -521,6 +525,8 @@ impl Footprint {
         let before = &guides.before;
         let mut total = [0.0; LANES];
         let mut trusted = [0.0; LANES];
+        let spline_below = if reflector { glossy.spline_below() } else { 0.0 };
+        let mut whole = [1u32; LANES];
         let (least_difference, near) = match rejection {
             Rejection::Point => (0.0, surface.point_distance),
             _ => (surface.pixel_distance, surface.plane_distance),
@@ -576,6 +582,7 @@ impl Footprint {
                 let trust = trust * of_hit[i];
                 let counts = same & (trust > 0.0);
                 let weight = if counts { self.weight[k][i] } else { 0.0 };
+                whole[i] &= u32::from(counts | (self.weight[k][i] <= 0.0));
                 found.weight[k][i] = weight;
                 total[i] += weight;
                 trusted[i] += if counts { weight * trust } else { 0.0 };
@@ -587,6 +594,19 @@ impl Footprint {
                 found.weight[k][i] = if enough { found.weight[k][i] / total[i] } else { 0.0 };
             }
             found.trust[i] = if enough { trusted[i] / total[i] } else { 0.0 };
+        }
+        found.any_spline = false;
+        if spline_below > 0.0 {
+            let (right, bottom) = (guides.phases.size.width as f32 - 2.0, guides.phases.size.height as f32 - 2.0);
+            let mut any = 0;
+            for i in 0..LANES {
+                let (x, y) = (self.column[0][i], self.row[0][i]);
+                let inside = (x >= 1.0) & (y >= 1.0) & (x < right) & (y < bottom);
+                let wanted = (found.trust[i] > 0.0) & (e.roughness[i] < spline_below);
+                found.spline[i] = whole[i] & u32::from(inside & wanted);
+                any |= found.spline[i];
+            }
+            found.any_spline = any != 0;
         }
     }
 

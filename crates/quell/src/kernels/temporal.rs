@@ -2,11 +2,11 @@
 
 use super::change::{Change, rounded_length};
 use super::clip::{ColourBox, follow, shareable};
-use super::math::three;
+use super::math::{catmull_rom, three};
 use super::reproject::Lookup;
 use crate::border::Guides;
 use crate::frame::Rgb;
-use crate::plane::Plane;
+use crate::plane::{Plane, Size};
 use crate::settings::{Clip, Settings};
 
 /// The part of a temporal stage's parameters that blends.
@@ -113,6 +113,68 @@ pub struct Weighed {
     pub length: f32,
 }
 
+/// 4x4 previous pixels and their weights.
+struct Spline {
+    /// The second of them in reading order along both axes: the first of the footprint.
+    first: [usize; 2],
+    along: [f32; 4],
+    across: [f32; 4],
+}
+
+impl Spline {
+    /// `None`: not asked for, or the pixels reach beyond the image.
+    #[inline(always)]
+    fn of(lookup: &Lookup, size: Size) -> Option<Self> {
+        if !lookup.spline {
+            return None;
+        }
+        let [_, b, c, d] = lookup.weight;
+        let k = (0..4).find(|k| lookup.weight[*k] > 0.0)?;
+        let (x, y) = (lookup.index[k] % size.width - (k & 1), lookup.index[k] / size.width - (k >> 1));
+        let inside = x >= 1 && y >= 1 && x + 2 < size.width && y + 2 < size.height;
+        inside.then(|| Self { first: [x, y], along: catmull_rom(b + d), across: catmull_rom(c + d) })
+    }
+}
+
+/// What history shows at the place: the weighted mean of up to four previous pixels, or Catmull and Rom's spline through 4x4 of
+/// them. Linear in the colours.
+#[inline(always)]
+pub fn fetch_colour(history: &Plane<Rgb>, lookup: &Lookup) -> Rgb {
+    let Some(Spline { first: [x, y], along, across }) = Spline::of(lookup, history.size()) else {
+        return fetch(history, lookup);
+    };
+    let mut sum = [0.0; 3];
+    for (j, across) in across.into_iter().enumerate() {
+        for (i, along) in along.into_iter().enumerate() {
+            let colour = history.at(x + i - 1, y + j - 1);
+            for c in 0..3 {
+                sum[c] += along * across * colour[c];
+            }
+        }
+    }
+    sum
+}
+
+/// What [`fetch_colour`] fetched, held to the range of the four pixels around the place: the spline may overshoot.
+#[inline(always)]
+pub fn hold_to_range(history: &Plane<Rgb>, lookup: &Lookup, fetched: Rgb) -> Rgb {
+    let Some(Spline { first: [x, y], .. }) = Spline::of(lookup, history.size()) else { return fetched };
+    let around = [(x, y), (x + 1, y), (x, y + 1), (x + 1, y + 1)].map(|(x, y)| history.at(x, y));
+    three(|c| {
+        let [low, high] = around.iter().fold([f32::INFINITY, f32::NEG_INFINITY], |[low, high], colour| {
+            [if colour[c] < low { colour[c] } else { low }, if colour[c] > high { colour[c] } else { high }]
+        });
+        hold(fetched[c], low, high)
+    })
+}
+
+/// `v` held to `low..=high`.
+#[inline(always)]
+pub(crate) fn hold(v: f32, low: f32, high: f32) -> f32 {
+    let v = if v < low { low } else { v };
+    if v > high { high } else { v }
+}
+
 /// Weighted mean of up to four previous pixels.
 #[inline(always)]
 pub fn fetch(history: &Plane<Rgb>, lookup: &Lookup) -> Rgb {
@@ -147,9 +209,9 @@ pub fn blend(current: Rgb, history: Rgb, share: f32, beauty: (Rgb, Rgb, Rgb)) ->
     })
 }
 
-/// The beauty's history held to the box, in a form that passes can share.
+/// The beauty's history held to the box, in a form that passes can share. `held`: history as [`hold_to_range`] leaves it.
 #[inline(always)]
-pub fn clamp_history(history: Rgb, current: Rgb, bounds: &ColourBox) -> Rgb {
-    let clamped = bounds.clamp(history);
+pub fn clamp_history(history: Rgb, held: Rgb, current: Rgb, bounds: &ColourBox) -> Rgb {
+    let clamped = bounds.clamp(held);
     three(|c| shareable(history[c], clamped[c], current[c]))
 }

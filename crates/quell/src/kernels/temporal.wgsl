@@ -74,6 +74,35 @@ fn fetch(found: Lookup, history: texture_2d<f32>) -> vec3f {
         + share_of(history, footprint_pixel(found.first, 3), found.weight.w);
 }
 
+// What history shows at the place: the weighted mean of up to four previous pixels, or Catmull and Rom's spline through 4x4 of
+// them. Linear in the colours.
+fn fetch_colour(found: Lookup, history: texture_2d<f32>) -> vec3f {
+    if !found.spline {
+        return fetch(found, history);
+    }
+    let along = catmull_rom(found.weight.y + found.weight.w);
+    let across = catmull_rom(found.weight.z + found.weight.w);
+    var sum = vec3f(0.0);
+    for (var j = 0; j < 4; j++) {
+        for (var i = 0; i < 4; i++) {
+            sum += along[i] * across[j] * textureLoad(history, found.first + vec2i(i - 1, j - 1), 0).xyz;
+        }
+    }
+    return sum;
+}
+
+// What `fetch_colour` fetched, held to the range of the four pixels around the place: the spline may overshoot.
+fn hold_to_range(found: Lookup, history: texture_2d<f32>, fetched: vec3f) -> vec3f {
+    if !found.spline {
+        return fetched;
+    }
+    let a = textureLoad(history, footprint_pixel(found.first, 0), 0).xyz;
+    let b = textureLoad(history, footprint_pixel(found.first, 1), 0).xyz;
+    let c = textureLoad(history, footprint_pixel(found.first, 2), 0).xyz;
+    let d = textureLoad(history, footprint_pixel(found.first, 3), 0).xyz;
+    return clamp(fetched, min(min(a, b), min(c, d)), max(max(a, b), max(c, d)));
+}
+
 // Weighted mean of the history length.
 fn fetch_length(found: Lookup, history_length: texture_2d<f32>) -> f32 {
     return fetch(found, history_length).x;
@@ -102,10 +131,11 @@ fn accumulate(
     if weighed.history <= 0.0 {
         return Accumulated(now, confidence, weighed.length, texel);
     }
-    let fetched = fetch(lookup, history);
+    let fetched = fetch_colour(lookup, history);
     var held = fetched;
     if blend.clip != CLIP_OFF {
-        let clamped = colour_box_clamp(colour_box_at(blend, pixel, current), fetched);
+        let within = hold_to_range(lookup, history, fetched);
+        let clamped = colour_box_clamp(colour_box_at(blend, pixel, current), within);
         held = vec3f(
             follow_itself(fetched.x, shareable(fetched.x, clamped.x, now.x)),
             follow_itself(fetched.y, shareable(fetched.y, clamped.y, now.y)),

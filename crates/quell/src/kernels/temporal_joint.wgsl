@@ -34,12 +34,13 @@ fn accumulate_joint(
     if weighed.history <= 0.0 {
         return Accumulated(own, confidence, weighed.length, weighed.length);
     }
-    let own_history = fetch(lookup, pass_history);
+    let own_history = fetch_colour(lookup, pass_history);
     var held = own_history;
     if blend.clip != CLIP_OFF {
         let now = input_colour(textureLoad(current, pixel, 0));
-        let fetched = fetch(lookup, history);
-        let clamped = colour_box_clamp(colour_box_at(blend, pixel, current), fetched);
+        let fetched = fetch_colour(lookup, history);
+        let within = hold_to_range(lookup, history, fetched);
+        let clamped = colour_box_clamp(colour_box_at(blend, pixel, current), within);
         held = vec3f(
             follow(own_history.x, fetched.x, shareable(fetched.x, clamped.x, now.x), own.x, now.x),
             follow(own_history.y, fetched.y, shareable(fetched.y, clamped.y, now.y), own.y, now.y),

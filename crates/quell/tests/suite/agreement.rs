@@ -313,6 +313,17 @@ fn every_stage_alone_agrees() {
         ("8, median", [GLOSSY, &[("glossy_temporal.hit_filter", "median")]].concat(), EXACT),
         ("8, unfiltered", [GLOSSY, &[("glossy_temporal.hit_filter", "off")]].concat(), EXACT),
         ("8, hits", [GLOSSY, HITS].concat(), EXACT),
+        ("8, spline", [GLOSSY, &[("glossy_temporal.spline_roughness", "1")]].concat(), EXACT),
+        (
+            "8, spline, deviations",
+            [GLOSSY, &[("glossy_temporal.spline_roughness", "1"), ("glossy_temporal.clip", "sigma")]].concat(),
+            DEVIATIONS,
+        ),
+        (
+            "8, spline, changed",
+            [GLOSSY, CHANGED, &[("changed_light.glossy", "on"), ("glossy_temporal.spline_roughness", "1")]].concat(),
+            CHANGES,
+        ),
         ("8, not virtual", [GLOSSY, &[("glossy_temporal.virtual_reprojection", "off")]].concat(), EXACT),
         ("9, 10", vec![("glossy_bilateral.enabled", "on")], WEIGHTS),
         ("9, 10, monotone", vec![("glossy_bilateral.enabled", "on"), ("edge.monotone", "on")], WEIGHTS),

@@ -883,6 +883,45 @@ fn bent_errors(scene: &Scene, index: i64) -> [Vec<f32>; 2] {
     errors
 }
 
+#[test]
+fn history_fetched_by_a_spline_blurs_less_and_passes_add_up() {
+    // A pattern without noise in a mirror, under a moving camera: all that is left of the difference is blur.
+    let scene = mirror(moving, false, Noise::None);
+    let shown = |roughness: &str, backend: Backend| {
+        let mut settings = Settings::default().without_spatial_filters();
+        settings.set("glossy_temporal.spline_roughness", roughness).unwrap();
+        let mut denoiser = Denoiser::with_backend(SMALL, &settings, backend).unwrap();
+        let (mut error, mut parts) = (0.0, 0.0f32);
+        for i in 0..12 {
+            let mut frame = scene.frame(SMALL, i);
+            let whole = frame.glossy.clone().unwrap();
+            let share = |x: usize, y: usize| ((x + 2 * y) % 5) as f32 * 0.25;
+            for (name, rest) in [("one", false), ("other", true)] {
+                let part = |x: usize, y: usize| if rest { 1.0 - share(x, y) } else { share(x, y) };
+                let plane = Plane::from_fn(SMALL, |x, y| whole.at(x, y).map(|v| v * part(x, y)));
+                frame.passes.push(PassBuf { name: name.to_owned(), signal: Signal::Glossy, plane });
+            }
+            let kept = denoise(&mut denoiser, &frame);
+            let found = kept.glossy.as_ref().unwrap();
+            error = 0.0;
+            for (x, y) in (4..SMALL.height - 4).flat_map(|y| (4..SMALL.width - 4).map(move |x| (x, y))) {
+                for c in 0..3 {
+                    let (v, sum) =
+                        (found.at(x, y)[c], kept.glossy_passes[0].at(x, y)[c] + kept.glossy_passes[1].at(x, y)[c]);
+                    error += (v - whole.at(x, y)[c]).powi(2);
+                    parts = parts.max((sum - v).abs() / v.abs().max(0.1));
+                }
+            }
+        }
+        (error, parts)
+    };
+    for backend in BACKENDS {
+        let (plain, sharp) = (shown("0", backend), shown("1", backend));
+        assert!(sharp.0 < 0.7 * plain.0 && plain.0 > 0.0, "{backend:?}: {} of {}", sharp.0, plain.0);
+        assert!(sharp.1 < 1e-4, "{backend:?}: passes off by {}", sharp.1);
+    }
+}
+
 /// A sphere in the middle that turns by so many radians a frame.
 fn mirror_sphere(turns: f64) -> Object {
     Object {

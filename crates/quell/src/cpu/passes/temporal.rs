@@ -18,8 +18,8 @@ use crate::settings::{Clip, Settings};
 use crate::simd::dispatch;
 use crate::stages::glossy_temporal::cpu::{reflect, visible};
 use crate::stages::matte_temporal::cpu::{
-    Shares, blend_beauty, blend_fast, blend_lanes, blend_unclamped, clamp, fetch, fetch_scalar, keep_light, load,
-    shorten,
+    Shares, Splines, blend_beauty, blend_fast, blend_lanes, blend_unclamped, clamp, fetch, fetch_scalar, fetch_spline,
+    keep_light, load, shorten,
 };
 use fearless_simd::Level;
 
@@ -147,6 +147,7 @@ struct Scratch {
     expected: Expected,
     footprint: Footprint,
     lookup: Lookup,
+    splines: Splines,
     columns: Columns,
     moments: Moments,
     shares: Shares,
@@ -157,6 +158,7 @@ struct Scratch {
     high: Lanes3,
     beauty_now: Lanes3,
     beauty_then: Lanes3,
+    beauty_held: Lanes3,
     beauty_clamped: Lanes3,
     value: Lanes3,
     then: Lanes3,
@@ -171,6 +173,7 @@ impl Scratch {
             expected: Expected::new(),
             footprint: Footprint::new(),
             lookup: Lookup::new(),
+            splines: Splines::new(),
             columns: Columns::new(),
             moments: Moments::new(),
             shares: Shares::new(),
@@ -181,6 +184,7 @@ impl Scratch {
             high: three,
             beauty_now: three,
             beauty_then: three,
+            beauty_held: three,
             beauty_clamped: three,
             value: three,
             then: three,
@@ -233,17 +237,29 @@ impl Scratch {
     #[inline(always)]
     fn blend(
         &mut self,
-        weights: &Blend,
+        (filter, weights): (&Filter<'_>, &Blend),
         (current, history): (&Colours, Remembered<'_>),
-        width: usize,
         at: PixelRun,
         out: &mut Out<'_>,
     ) {
         let PixelRun { y, k, phase, n, begin, .. } = at;
+        let phases = &filter.guides.phases;
+        let width = phases.size.width;
         let (now, stride, radius) = (current.row(width, y), current.stride(width), weights.clip_radius as usize);
         let found = (&self.footprint, &self.lookup);
         load(now, width, 0, begin, n, &mut self.beauty_now);
         fetch(history.colours, width, 0, found, &mut self.beauty_then);
+        if out.fast.is_some() && history.change.is_none() {
+            keep_light(&self.beauty_then, &mut self.old_fast);
+        }
+        self.beauty_held = self.beauty_then;
+        let splined = self.lookup.any_spline;
+        if splined {
+            self.splines.weigh(&self.lookup);
+            let found = (&self.footprint, &self.lookup, &self.splines);
+            let held = Some(&mut self.beauty_held);
+            fetch_spline((history.colours, phases), 0, found, &mut self.beauty_then, held);
+        }
         match weights.clip {
             Clip::Off => {}
             Clip::Box => self.columns.boxes(phase, radius, &mut self.low, &mut self.high),
@@ -252,7 +268,8 @@ impl Scratch {
             }
         }
         if weights.clip != Clip::Off {
-            clamp(&self.beauty_then, &self.beauty_now, &self.low, &self.high, &mut self.beauty_clamped);
+            let then = (&self.beauty_then, &self.beauty_held);
+            clamp(then, &self.beauty_now, (&self.low, &self.high), &mut self.beauty_clamped);
         }
         for plane in 0..current.planes {
             load(now, width, plane, begin, n, &mut self.value);
@@ -260,6 +277,10 @@ impl Scratch {
                 self.then = self.beauty_then;
             } else {
                 fetch(history.colours, width, plane, found, &mut self.then);
+                if splined {
+                    let found = (&self.footprint, &self.lookup, &self.splines);
+                    fetch_spline((history.colours, phases), plane, found, &mut self.then, None);
+                }
             }
             let (value, then, share) = (&self.value, &self.then, &self.shares.history);
             if weights.clip == Clip::Off {
@@ -328,12 +349,9 @@ fn band(
                 confidence[phase] = shares.confidence;
                 length[phase] = shares.length;
                 copy::<LANES, _>(&mut out.kept[k * width + begin..][..n], &shares.length[..n]);
-                scratch.blend(weights, (current, history), width, at, out);
+                scratch.blend((filter, weights), (current, history), at, out);
                 if let Some(fast) = &mut out.fast {
-                    let Scratch { beauty_now, beauty_then, old_fast, shares, .. } = &mut scratch;
-                    if history.change.is_none() {
-                        keep_light(beauty_then, old_fast);
-                    }
+                    let Scratch { beauty_now, old_fast, shares, .. } = &mut scratch;
                     blend_fast(beauty_now, old_fast, &shares.fast, &mut fast[k * width + begin..][..n]);
                 }
             }

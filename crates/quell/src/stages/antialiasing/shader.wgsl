@@ -2,16 +2,6 @@
 //
 // The pass supplies `picture_at` and `picture_history_at`.
 
-// Weights of four pixels in a row for a place at `t` (0 to 1) between the second and the third.
-fn catmull_rom(t: f32) -> vec4f {
-    return vec4f(
-        ((-0.5 * t + 1.0) * t - 0.5) * t,
-        (1.5 * t - 2.5) * t * t + 1.0,
-        ((-1.5 * t + 2.0) * t + 0.5) * t,
-        (0.5 * t - 0.5) * t * t,
-    );
-}
-
 // Whether the image of the frame before shows a coordinate that lies in the picture: a tile may not.
 fn antialiasing_reaches(corner: vec2f) -> bool {
     let first = own_pixel(vec2i(floor(corner)));

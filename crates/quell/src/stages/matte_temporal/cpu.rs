@@ -2,9 +2,11 @@
 
 use crate::kernels::change::{Change, kept_light, rounded_light};
 use crate::kernels::clip::{ColourBox, follow_itself};
+use crate::kernels::math::catmull_rom;
 use crate::kernels::reproject_cpu::{Footprint, LANES, Lanes, Lanes3, Lookup};
-use crate::kernels::temporal::{Blend, blend, clamp_history};
-use crate::phased::layout::{Colours, channel, copy};
+use crate::kernels::spiral::PERIOD;
+use crate::kernels::temporal::{Blend, blend, clamp_history, hold};
+use crate::phased::layout::{Colours, Phases, channel, copy};
 
 /// How much history counts in each lane, and what is remembered of it.
 #[derive(Debug)]
@@ -122,6 +124,100 @@ pub(crate) fn fetch(
     }
 }
 
+/// What [`fetch_spline`] needs of the lanes, the same for every plane.
+#[derive(Debug)]
+#[repr(align(64))]
+pub(crate) struct Splines {
+    along: [Lanes; 4],
+    across: [Lanes; 4],
+}
+
+impl Splines {
+    pub fn new() -> Self {
+        Self { along: [[0.0; LANES]; 4], across: [[0.0; LANES]; 4] }
+    }
+
+    /// Weights of four columns and four rows around each lane's place.
+    #[inline(always)]
+    pub fn weigh(&mut self, lookup: &Lookup) {
+        for i in 0..LANES {
+            let (b, c, d) = (lookup.weight[1][i], lookup.weight[2][i], lookup.weight[3][i]);
+            let (along, across) = (catmull_rom(b + d), catmull_rom(c + d));
+            for k in 0..4 {
+                self.along[k][i] = along[k];
+                self.across[k][i] = across[k];
+            }
+        }
+    }
+}
+
+/// Colours by the spline of the lanes that ask for it, in place of what [`fetch`] found for them; `held`: what both found, those of
+/// the spline held to the range of the four pixels around the place.
+#[inline(always)]
+pub(crate) fn fetch_spline(
+    (history, phases): (&Colours, &Phases),
+    plane: usize,
+    (footprint, lookup, splines): (&Footprint, &Lookup, &Splines),
+    out: &mut Lanes3,
+    held: Option<&mut Lanes3>,
+) {
+    let (data, width, height) = (history.elements(), phases.size.width, phases.size.height);
+    let stride = history.stride(width);
+    let mut sum = [[0.0; LANES]; 3];
+    let (mut low, mut high) = ([[f32::INFINITY; LANES]; 3], [[f32::NEG_INFINITY; LANES]; 3]);
+    // `n` lanes from `first` on, whose places lie in one row, four columns apart.
+    let mut add = |first: usize, n: usize| {
+        let (x, y) = (footprint.column[0][first] as usize, footprint.row[0][first] as usize);
+        for j in 0..4 {
+            for k in 0..4 {
+                let at = (y + j - 1) * stride + plane * 3 * width + phases.element(x + k - 1);
+                let (along, across) = (&splines.along[k][first..][..n], &splines.across[j][first..][..n]);
+                let inner = (k == 1 || k == 2) && (j == 1 || j == 2);
+                for c in 0..3 {
+                    let source = &data[at + c * width..][..n];
+                    let sum = &mut sum[c][first..][..n];
+                    for i in 0..n {
+                        sum[i] += along[i] * across[i] * source[i];
+                    }
+                    if inner {
+                        let (low, high) = (&mut low[c][first..][..n], &mut high[c][first..][..n]);
+                        for i in 0..n {
+                            low[i] = if source[i] < low[i] { source[i] } else { low[i] };
+                            high[i] = if source[i] > high[i] { source[i] } else { high[i] };
+                        }
+                    }
+                }
+            }
+        }
+    };
+    for &(first, n) in &footprint.segments.runs[..footprint.segments.count] {
+        let wanted = &lookup.spline[first..][..n];
+        let (x, y) = (footprint.column[0][first], footprint.row[0][first]);
+        let last = x + (PERIOD * (n - 1)) as f32;
+        let inside = (x >= 1.0) & (y >= 1.0) & (last + 2.0 < width as f32) & (y + 2.0 < height as f32);
+        if inside && wanted.contains(&1) {
+            add(first, n);
+        } else {
+            (first..first + n).zip(wanted).filter(|(_, wanted)| **wanted != 0).for_each(|(i, _)| add(i, 1));
+        }
+    }
+    footprint.segments.singles().iter().filter(|i| lookup.spline[**i] != 0).for_each(|i| add(*i, 1));
+    let before = *out;
+    for c in 0..3 {
+        for i in 0..LANES {
+            out[c][i] = if lookup.spline[i] != 0 { sum[c][i] } else { before[c][i] };
+        }
+    }
+    if let Some(held) = held {
+        for c in 0..3 {
+            for i in 0..LANES {
+                let within = hold(sum[c][i], low[c][i], high[c][i]);
+                held[c][i] = if lookup.spline[i] != 0 { within } else { before[c][i] };
+            }
+        }
+    }
+}
+
 /// Loads `n` pixels of a plane.
 #[inline(always)]
 pub(crate) fn load(row: &[f32], width: usize, plane: usize, begin: usize, n: usize, out: &mut Lanes3) {
@@ -130,12 +226,17 @@ pub(crate) fn load(row: &[f32], width: usize, plane: usize, begin: usize, n: usi
     }
 }
 
-/// The beauty's history held to the boxes.
+/// The beauty's history held to the boxes; `held`: as [`fetch_spline`] has it.
 #[inline(always)]
-pub(crate) fn clamp(history: &Lanes3, current: &Lanes3, low: &Lanes3, high: &Lanes3, out: &mut Lanes3) {
+pub(crate) fn clamp(
+    (history, held): (&Lanes3, &Lanes3),
+    current: &Lanes3,
+    (low, high): (&Lanes3, &Lanes3),
+    out: &mut Lanes3,
+) {
     for i in 0..LANES {
         let at = |v: &Lanes3| [v[0][i], v[1][i], v[2][i]];
-        let clamped = clamp_history(at(history), at(current), &ColourBox { low: at(low), high: at(high) });
+        let clamped = clamp_history(at(history), at(held), at(current), &ColourBox { low: at(low), high: at(high) });
         for c in 0..3 {
             out[c][i] = clamped[c];
         }

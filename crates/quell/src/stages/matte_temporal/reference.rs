@@ -4,7 +4,7 @@ use crate::border::Guides;
 use crate::frame::Rgb;
 use crate::kernels::change::{kept_light, rounded_light};
 use crate::kernels::reproject::{Lookup, expected_surface, surface_lookup};
-use crate::kernels::temporal::{Blend, blend, clamp_history, fetch, fetch_scalar};
+use crate::kernels::temporal::{Blend, blend, clamp_history, fetch, fetch_colour, fetch_scalar, hold_to_range};
 use crate::par;
 use crate::plane::Plane;
 use crate::settings::Settings;
@@ -93,8 +93,9 @@ pub(crate) fn accumulate(
         if share <= 0.0 {
             return (now_value, now_value, now_value);
         }
-        let unclamped = fetch(&history.planes[0], &lookup);
-        let clamped = clamp_history(unclamped, now_value, &weights.colour_box(&current[0], now, x, y));
+        let unclamped = fetch_colour(&history.planes[0], &lookup);
+        let held = hold_to_range(&history.planes[0], &lookup, unclamped);
+        let clamped = clamp_history(unclamped, held, now_value, &weights.colour_box(&current[0], now, x, y));
         (unclamped, clamped, now_value)
     });
     let planes = current
@@ -106,7 +107,7 @@ pub(crate) fn accumulate(
                 if share <= 0.0 {
                     return current.at(x, y);
                 }
-                blend(current.at(x, y), fetch(history, &lookup), share, beauty.at(x, y))
+                blend(current.at(x, y), fetch_colour(history, &lookup), share, beauty.at(x, y))
             })
         })
         .collect();

@@ -165,6 +165,8 @@ const fn case(
     Case { name, bound, changes, job }
 }
 
+/// What every surface reflects is fetched by the spline.
+const SPLINE: &[(&str, &str)] = &[("glossy_temporal.spline_roughness", "1")];
 /// Everything is a mirror, and no hit distance is quite right; now its part, now the size of a pixel is the limit.
 const HITS: &[(&str, &str)] = &[
     ("glossy_temporal.mirror_roughness", "1"),
@@ -287,6 +289,9 @@ pub const CASES: &[Case] = &[
     case("8, hits", MIRRORS, HITS, |i, s| i.temporal(Signal::Glossy, s, true)),
     case("8, hits, joint", MIRRORS, HITS, |i, s| i.temporal_joint(Signal::Glossy, s)),
     case("3+8, hits", MIRRORS, HITS, |i, s| i.both_temporal(s)),
+    case("8, spline", MIRRORS, SPLINE, |i, s| i.temporal(Signal::Glossy, s, true)),
+    case("8, spline, joint", MIRRORS, SPLINE, |i, s| i.temporal_joint(Signal::Glossy, s)),
+    case("3+8, spline", MIRRORS, SPLINE, |i, s| i.both_temporal(s)),
     case("8, plane", MIRRORS, &[("glossy_temporal.curvature", "off")], |i, s| i.temporal(Signal::Glossy, s, true)),
     case("8, not virtual", SURFACES, &[("glossy_temporal.virtual_reprojection", "off")], |i, s| {
         i.temporal(Signal::Glossy, s, true)
@@ -466,6 +471,11 @@ pub const PLANTED: &[(&str, &str, &str)] = &[
     ("8, hits", "settings.mirror.hit_tolerance * wanted", "3.0 * settings.mirror.hit_tolerance * wanted"),
     ("8, hits", "length(hit.point - world_before(q))", "hit.distance"),
     ("8, hits", "|| is_mirror(own.roughness)", ""),
+    ("8, spline", "found.first + vec2i(i - 1, j - 1)", "found.first + vec2i(i - 1, j)"),
+    ("8, spline", "catmull_rom(found.weight.z + found.weight.w)", "catmull_rom(found.weight.w)"),
+    ("8, spline", "let within = hold_to_range(lookup, history, fetched);", "let within = fetched;"),
+    ("8, spline", "found.spline = whole && inside", "found.spline = inside"),
+    ("8, spline, joint", "let own_history = fetch_colour(", "let own_history = fetch("),
     // stages
     ("3", "accumulate(settings.matte_blend,", "accumulate(settings.glossy_blend,"),
     ("4", "i < shape.taps;", "i + 1u < shape.taps;"),
@@ -523,7 +533,7 @@ pub const PLANTED: &[(&str, &str, &str)] = &[
     ("composite", "weight * signal", "signal"),
     // planes tied to a signal
     ("3, joint, box", "return pass_history * (clamped / history);", "return pass_history;"),
-    ("8, joint", "fetch(lookup, pass_history)", "fetch(lookup, history)"),
+    ("8, joint", "fetch_colour(lookup, pass_history)", "fetch(lookup, history)"),
     ("3, joint", "(1.0 - weighed.history) * own", "(1.0 - weighed.history) * held"),
     ("3, joint, box", "let blend = settings.matte_blend;", "let blend = settings.glossy_blend;"),
     ("8, joint", "let blend = settings.glossy_blend;", "let blend = settings.matte_blend;"),
