@@ -263,6 +263,7 @@ fn cases() -> Vec<(Size, Changes)> {
                 ("glossy_temporal.alpha", "0.83"),
                 ("glossy_temporal.mirror_roughness", "0.07"),
                 ("glossy_temporal.hit_tolerance", "0.13"),
+                ("glossy_temporal.spline_roughness", "0.35"),
                 ("surface.rejection", "point"),
                 ("surface.plane_distance", "0.013"),
                 ("matte_temporal.clip", "box"),
