@@ -178,6 +178,10 @@ pub(crate) const LEAST_BENT_DETERMINANT: f32 = 1e-4;
 /// At each of the four the reflected previous eye ray misses the hit point by some angle; that miss is taken as linear
 /// in the place, and its zero is the answer: one step of Newton's method, which knows both curvatures, and motion of
 /// reflector and camera. Where it fails (silhouettes, focus, bumps) it is the surface's own place.
+///
+/// Where the jitter changed, the four samples lie farther from the answer, and their slopes, of normals that change from facet to facet,
+/// would have to reach farther. On a reflector at rest the step begins at the surface's own place then, where the normal of now tells the
+/// miss exactly: with camera and reflector at rest there is none.
 pub fn bent_coordinate(
     now: &Guides,
     before: &Guides,
@@ -214,11 +218,18 @@ pub fn bent_coordinate(
     let du = 0.5 * ((f1 - f0) + (f3 - f2));
     let dv = 0.5 * ((f2 - f0) + (f3 - f1));
     let (a, b, c) = (du.dot(du), du.dot(dv), dv.dot(dv));
-    let (p, q) = (du.dot(middle), dv.dot(middle));
+    let rests = now.jitter != before.jitter && !expected.moved;
+    let (from, miss) = if rests {
+        let ray = before.view.ray_direction(surface + now.jitter).normalize();
+        (surface, reflected - (ray - 2.0 * ray.dot(own_normal) * own_normal))
+    } else {
+        ((surface - 0.5).floor() + 1.0 + before.jitter - now.jitter, middle)
+    };
+    let (p, q) = (du.dot(miss), dv.dot(miss));
     let determinant = a * c - b * b;
     let step = Vec2::new(b * q - c * p, b * p - a * q) / determinant;
-    // Where the frame before had a sample that shows the hit point, as seen from pixel centres: history is addressed as motion is.
-    let place = (surface - 0.5).floor() + 1.0 + step + before.jitter - now.jitter;
+    // As seen from pixel centres: history is addressed as motion is.
+    let place = from + step;
     let farthest = FARTHEST_BENT_PX * now.size.height as f32 / REFERENCE_ROWS;
     let good = determinant > LEAST_BENT_DETERMINANT * a * c && (place - surface).length() <= farthest;
     Some(if good { place } else { surface })

@@ -216,6 +216,9 @@ fn bent_miss(q: vec2i, hit: vec3f, is_finite: bool, reflected: vec3f) -> vec3f {
 // At each of the four the reflected previous eye ray misses the hit point by some angle; that miss is taken as linear
 // in the place, and its zero is the answer: one step of Newton's method, which knows both curvatures, and motion of
 // reflector and camera. Where it fails (silhouettes, focus, bumps) it is the surface's own place.
+//
+// Where the jitter changed, on a reflector at rest the step begins at the surface's own place, where the normal of now tells the
+// miss exactly.
 fn bent_coordinate(expected: Expected, visible: Lookup, hit_distance: f32, pixel: vec2i) -> Place {
     let seen = visible.weight > vec4f(0.0);
     let t0 = tap_of(visible, 0, visible.weight.x);
@@ -247,15 +250,23 @@ fn bent_coordinate(expected: Expected, visible: Lookup, hit_distance: f32, pixel
     let a = dot(du, du);
     let b = dot(du, dv);
     let c = dot(dv, dv);
-    let p = dot(du, middle);
-    let q = dot(dv, middle);
+    let rests = any(frame.jitter != frame.before_jitter) && !expected.moved;
+    var from_place = floor(surface - 0.5) + 1.0 + frame.before_jitter - frame.jitter * frame.to_before;
+    var miss = middle;
+    if rests {
+        from_place = surface;
+        let ray = normalize_or_zero(ray_direction(frame.before_view, surface + frame.jitter * frame.to_before));
+        miss = reflected - mirrored_in(ray, surface_of(pixel).normal);
+    }
+    let p = dot(du, miss);
+    let q = dot(dv, miss);
     let determinant = a * c - b * b;
     if !(determinant > LEAST_BENT_DETERMINANT * a * c) {
         return Place(expected.coordinate, true);
     }
     let newton = vec2f(b * q - c * p, b * p - a * q) / determinant;
-    // Where the frame before had a sample that shows the hit point, as seen from pixel centres: history is addressed as motion is.
-    let place = floor(surface - 0.5) + 1.0 + newton + frame.before_jitter - frame.jitter * frame.to_before;
+    // As seen from pixel centres: history is addressed as motion is.
+    let place = from_place + newton;
     let good = length(place - surface) <= settings.mirror.farthest_bent_px;
     return Place(select(expected.coordinate, place / frame.to_before, good), true);
 }

@@ -136,6 +136,7 @@ pub(crate) fn bent_coordinates(
         three(|c| ray[c] * scale)
     };
     let v = e.y as f32 + 0.5 + now.jitter.y;
+    let jittered = now.jitter != before.jitter;
     // Where the reflected previous eye rays miss the hit points, at each of the four pixels.
     let mut misses = [[[0.0; LANES]; 3]; 4];
     let mut reflected = [[0.0; LANES]; 3];
@@ -170,11 +171,18 @@ pub(crate) fn bent_coordinates(
         let du = three(|c| 0.5 * ((f1[c] - f0[c]) + (f3[c] - f2[c])));
         let dv = three(|c| 0.5 * ((f2[c] - f0[c]) + (f3[c] - f1[c])));
         let (a, b, c) = (dot(du, du), dot(du, dv), dot(dv, dv));
-        let (p, q) = (dot(du, middle), dot(dv, middle));
-        let determinant = a * c - b * b;
         let (sx, sy) = (e.coordinate[0][i], e.coordinate[1][i]);
-        let x = (sx - 0.5).floor() + 1.0 + (b * q - c * p) / determinant + before.jitter.x - now.jitter.x;
-        let y = (sy - 0.5).floor() + 1.0 + (b * p - a * q) / determinant + before.jitter.y - now.jitter.y;
+        let ray = direction(&before.view, sx + now.jitter.x, sy + now.jitter.y);
+        let normal = lane(&e.normal, i);
+        let twice = 2.0 * dot(ray, normal);
+        let rests = jittered & (e.moved[i] == 0);
+        let miss = three(|c| if rests { reflected[c][i] - (ray[c] - twice * normal[c]) } else { middle[c] });
+        let (p, q) = (dot(du, miss), dot(dv, miss));
+        let determinant = a * c - b * b;
+        let from_x = if rests { sx } else { (sx - 0.5).floor() + 1.0 + before.jitter.x - now.jitter.x };
+        let from_y = if rests { sy } else { (sy - 0.5).floor() + 1.0 + before.jitter.y - now.jitter.y };
+        let x = from_x + (b * q - c * p) / determinant;
+        let y = from_y + (b * p - a * q) / determinant;
         let (dx, dy) = (x - sx, y - sy);
         let whole = (visible.weight[0][i] > 0.0)
             & (visible.weight[1][i] > 0.0)

@@ -462,6 +462,8 @@ pub const PLANTED: &[(&str, &str, &str)] = &[
     ("8", "v - 2.0 * dot(v, normal) * normal", "v - 1.9 * dot(v, normal) * normal"),
     ("8, plane", "before.coordinate -= frame.jitter;", ""),
     ("8", " + frame.before_jitter - frame.jitter * frame.to_before", ""),
+    ("8", "from_place = surface;", ""),
+    ("8", "miss = reflected - mirrored_in(", "miss = reflected - 0.9 * mirrored_in("),
     ("8", "spread = 2.0 * slack;", ""),
     ("8", "> settings.mirror.reflector_roughness", "> -1.0"),
     ("8", "expected.moved || turned || shifted", "expected.moved"),
