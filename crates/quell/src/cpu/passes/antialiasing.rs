@@ -14,6 +14,7 @@ use crate::stages::antialiasing::cpu::{
 use fearless_simd::Level;
 
 /// The picture that is shown goes to `output`, history and how many frames it holds to `kept`.
+#[inline(never)] // benchmarks/instructions.py counts it
 pub(crate) fn run(
     level: Level,
     guides: &CpuGuides,

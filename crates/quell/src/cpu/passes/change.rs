@@ -28,6 +28,7 @@ pub(crate) struct Room {
 }
 
 /// c of every pixel, in phase order.
+#[inline(never)] // benchmarks/instructions.py counts it
 pub(crate) fn run(level: Level, phases: &Phases, change: &Change, left: Left<'_>, room: &mut Room, out: &mut [f32]) {
     let Size { width, height } = phases.size;
     let Room { light, cells } = room;

@@ -48,6 +48,7 @@ const TAPS: usize = 8;
 const OFFSETS: [(i32, i32); TAPS] = [(-1, -1), (0, -1), (1, -1), (-1, 0), (1, 0), (-1, 1), (0, 1), (1, 1)];
 
 /// `left`: where the variance goes that the next level reads.
+#[inline(never)] // benchmarks/instructions.py counts it
 pub(crate) fn run(filter: &Filter<'_>, input: &Colours, output: &mut Colours, left: Option<&mut [f32]>) {
     let phases = filter.guides.phases;
     let width = phases.size.width;
