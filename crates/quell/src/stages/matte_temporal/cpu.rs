@@ -151,6 +151,51 @@ impl Splines {
     }
 }
 
+/// What the spline found of a plane, lane by lane.
+struct Splined {
+    sum: Lanes3,
+    /// Range of the four pixels around the place.
+    low: Lanes3,
+    high: Lanes3,
+}
+
+impl Splined {
+    /// Adds 4x4 pixels of plane `plane` to `n` lanes from `first` on, whose places lie in one row, four columns apart. Not a closure:
+    /// one would be compiled apart, without the instruction set of the loop around it.
+    #[inline(always)]
+    fn add(
+        &mut self,
+        (history, phases, plane): (&Colours, &Phases, usize),
+        (footprint, splines): (&Footprint, &Splines),
+        (first, n): (usize, usize),
+    ) {
+        let (data, width) = (history.elements(), phases.size.width);
+        let stride = history.stride(width);
+        let (x, y) = (footprint.column[0][first] as usize, footprint.row[0][first] as usize);
+        for j in 0..4 {
+            for k in 0..4 {
+                let at = (y + j - 1) * stride + plane * 3 * width + phases.element(x + k - 1);
+                let (along, across) = (&splines.along[k][first..][..n], &splines.across[j][first..][..n]);
+                let inner = (k == 1 || k == 2) && (j == 1 || j == 2);
+                for c in 0..3 {
+                    let source = &data[at + c * width..][..n];
+                    let sum = &mut self.sum[c][first..][..n];
+                    for i in 0..n {
+                        sum[i] += along[i] * across[i] * source[i];
+                    }
+                    if inner {
+                        let (low, high) = (&mut self.low[c][first..][..n], &mut self.high[c][first..][..n]);
+                        for i in 0..n {
+                            low[i] = if source[i] < low[i] { source[i] } else { low[i] };
+                            high[i] = if source[i] > high[i] { source[i] } else { high[i] };
+                        }
+                    }
+                }
+            }
+        }
+    }
+}
+
 /// Colours by the spline of the lanes that ask for it, in place of what [`fetch`] found for them; `held`: what both found, those of
 /// the spline held to the range of the four pixels around the place.
 #[inline(always)]
@@ -161,59 +206,43 @@ pub(crate) fn fetch_spline(
     out: &mut Lanes3,
     held: Option<&mut Lanes3>,
 ) {
-    let (data, width, height) = (history.elements(), phases.size.width, phases.size.height);
-    let stride = history.stride(width);
-    let mut sum = [[0.0; LANES]; 3];
-    let (mut low, mut high) = ([[f32::INFINITY; LANES]; 3], [[f32::NEG_INFINITY; LANES]; 3]);
-    // `n` lanes from `first` on, whose places lie in one row, four columns apart.
-    let mut add = |first: usize, n: usize| {
-        let (x, y) = (footprint.column[0][first] as usize, footprint.row[0][first] as usize);
-        for j in 0..4 {
-            for k in 0..4 {
-                let at = (y + j - 1) * stride + plane * 3 * width + phases.element(x + k - 1);
-                let (along, across) = (&splines.along[k][first..][..n], &splines.across[j][first..][..n]);
-                let inner = (k == 1 || k == 2) && (j == 1 || j == 2);
-                for c in 0..3 {
-                    let source = &data[at + c * width..][..n];
-                    let sum = &mut sum[c][first..][..n];
-                    for i in 0..n {
-                        sum[i] += along[i] * across[i] * source[i];
-                    }
-                    if inner {
-                        let (low, high) = (&mut low[c][first..][..n], &mut high[c][first..][..n]);
-                        for i in 0..n {
-                            low[i] = if source[i] < low[i] { source[i] } else { low[i] };
-                            high[i] = if source[i] > high[i] { source[i] } else { high[i] };
-                        }
-                    }
-                }
-            }
-        }
-    };
+    let size = phases.size;
+    let mut found =
+        Splined { sum: [[0.0; LANES]; 3], low: [[f32::INFINITY; LANES]; 3], high: [[f32::NEG_INFINITY; LANES]; 3] };
+    let (image, at) = ((history, phases, plane), (footprint, splines));
     for &(first, n) in &footprint.segments.runs[..footprint.segments.count] {
-        let wanted = &lookup.spline[first..][..n];
+        let wanted = lookup.spline[first..][..n].iter().fold(0, |any, lane| any | lane);
+        if wanted == 0 {
+            continue;
+        }
         let (x, y) = (footprint.column[0][first], footprint.row[0][first]);
         let last = x + (PERIOD * (n - 1)) as f32;
-        let inside = (x >= 1.0) & (y >= 1.0) & (last + 2.0 < width as f32) & (y + 2.0 < height as f32);
-        if inside && wanted.contains(&1) {
-            add(first, n);
-        } else {
-            (first..first + n).zip(wanted).filter(|(_, wanted)| **wanted != 0).for_each(|(i, _)| add(i, 1));
+        if (x >= 1.0) & (y >= 1.0) & (last + 2.0 < size.width as f32) & (y + 2.0 < size.height as f32) {
+            found.add(image, at, (first, n));
+            continue;
+        }
+        for i in first..first + n {
+            if lookup.spline[i] != 0 {
+                found.add(image, at, (i, 1));
+            }
         }
     }
-    footprint.segments.singles().iter().filter(|i| lookup.spline[**i] != 0).for_each(|i| add(*i, 1));
-    let before = *out;
-    for c in 0..3 {
-        for i in 0..LANES {
-            out[c][i] = if lookup.spline[i] != 0 { sum[c][i] } else { before[c][i] };
+    for &i in footprint.segments.singles() {
+        if lookup.spline[i] != 0 {
+            found.add(image, at, (i, 1));
         }
     }
     if let Some(held) = held {
         for c in 0..3 {
             for i in 0..LANES {
-                let within = hold(sum[c][i], low[c][i], high[c][i]);
-                held[c][i] = if lookup.spline[i] != 0 { within } else { before[c][i] };
+                let within = hold(found.sum[c][i], found.low[c][i], found.high[c][i]);
+                held[c][i] = if lookup.spline[i] != 0 { within } else { out[c][i] };
             }
+        }
+    }
+    for c in 0..3 {
+        for i in 0..LANES {
+            out[c][i] = if lookup.spline[i] != 0 { found.sum[c][i] } else { out[c][i] };
         }
     }
 }
