@@ -49,6 +49,7 @@ const ALL: &[(&str, Number)] = &[
     ("COINCIDENT_PX", F32(edge::COINCIDENT_PX)),
     ("GLOSS_SCALE", F32(edge::GLOSS_SCALE)),
     ("SAME_PLANE_PX", F32(mirror_image::SAME_PLANE_PX)),
+    ("JITTERED_TURN", F32(mirror_image::JITTERED_TURN)),
     ("LEAST_BENT_DETERMINANT", F32(mirror_image::LEAST_BENT_DETERMINANT)),
     ("LEAST_FOOTPRINT", F32(reproject::LEAST_FOOTPRINT)),
     ("PERIOD", I32(spiral::PERIOD as i32)),

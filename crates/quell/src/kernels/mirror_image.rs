@@ -84,6 +84,9 @@ pub fn reflector_lookup(
 pub(crate) const SAME_NORMAL: f32 = 1e-5;
 /// Planes apart by less, in sizes of a pixel, are the same up to rounding.
 pub(crate) const SAME_PLANE_PX: f32 = 0.01;
+/// Where the jitter changed: a normal turned with the mirror where it differs by more than this many times what it varies between the four
+/// pixels. Samples of both frames lie up to a pixel apart along each axis, the mean of the four up to half of one.
+pub(crate) const JITTERED_TURN: f32 = 2.0;
 
 /// The reflector at pixel (x, y) as the four pixels at its old place show it: `visible` is their lookup.
 ///
@@ -115,7 +118,7 @@ pub fn previous_reflector(
         let around = bilinear_taps(now, expected.coordinate).into_iter().flatten();
         let same = around.filter(|t| before.is_surface(t.x, t.y) && before.id.at(t.x, t.y) == now.id.at(x, y));
         let spread = same.map(|t| (Vec3::from(before.normal.at(t.x, t.y)) - normal).length()).fold(0.0, f32::max);
-        (2.0 * spread, spread)
+        (JITTERED_TURN * spread, spread)
     };
     let turned = (Vec3::from(now.normal.at(x, y)) - normal).length() > spread + SAME_NORMAL;
     let shift = (now.world(x, y) - position).dot(normal).abs();

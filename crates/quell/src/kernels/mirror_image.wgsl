@@ -157,7 +157,7 @@ fn previous_reflector(expected: Expected, visible: Lookup, pixel: vec2i) -> Expe
             max(bend_beside(visible, 0, id, normal), bend_beside(visible, 1, id, normal)),
             max(bend_beside(visible, 2, id, normal), bend_beside(visible, 3, id, normal)),
         ));
-        spread = 2.0 * slack;
+        spread = JITTERED_TURN * slack;
     }
     let turned = length(surface_of(pixel).normal - normal) > spread + SAME_NORMAL;
     let shift = abs(dot(world_of(pixel) - position, normal));

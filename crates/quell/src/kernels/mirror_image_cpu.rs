@@ -1,7 +1,7 @@
 //! Mirror images (`mirror_image.rs`) on runs of pixels, in the reference's order of operations.
 
 use super::math::three;
-use super::mirror_image::{FARTHEST_BENT_PX, LEAST_BENT_DETERMINANT, SAME_NORMAL, SAME_PLANE_PX};
+use super::mirror_image::{FARTHEST_BENT_PX, JITTERED_TURN, LEAST_BENT_DETERMINANT, SAME_NORMAL, SAME_PLANE_PX};
 use super::reproject_cpu::{Expected, Footprint, LANES, Lanes, Lookup, Reflected, Screen, dot, lane};
 use crate::camera::Projection;
 use crate::phased::guides::{CpuGuides, field};
@@ -49,7 +49,7 @@ pub(crate) fn previous_reflectors(
             spread = if counts & (d > spread) { d } else { spread };
         }
         let spread = spread.sqrt();
-        let (turn, slack) = if jittered { (2.0 * spread, spread) } else { (spread, 0.0) };
+        let (turn, slack) = if jittered { (JITTERED_TURN * spread, spread) } else { (spread, 0.0) };
         let mut bent = false;
         for k in 0..4 {
             let difference = three(|c| footprint.normal[k][c][i] - first[c]);

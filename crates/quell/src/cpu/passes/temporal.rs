@@ -252,7 +252,6 @@ impl Scratch {
         if out.fast.is_some() && history.change.is_none() {
             keep_light(&self.beauty_then, &mut self.old_fast);
         }
-        self.beauty_held = self.beauty_then;
         let splined = self.lookup.any_spline;
         if splined {
             self.splines.weigh(&self.lookup);
@@ -268,8 +267,8 @@ impl Scratch {
             }
         }
         if weights.clip != Clip::Off {
-            let then = (&self.beauty_then, &self.beauty_held);
-            clamp(then, &self.beauty_now, (&self.low, &self.high), &mut self.beauty_clamped);
+            let held = if splined { &self.beauty_held } else { &self.beauty_then };
+            clamp((&self.beauty_then, held), &self.beauty_now, (&self.low, &self.high), &mut self.beauty_clamped);
         }
         for plane in 0..current.planes {
             load(now, width, plane, begin, n, &mut self.value);

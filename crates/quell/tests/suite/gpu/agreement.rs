@@ -464,7 +464,7 @@ pub const PLANTED: &[(&str, &str, &str)] = &[
     ("8", " + frame.before_jitter - frame.jitter * frame.to_before", ""),
     ("8", "from_place = surface;", ""),
     ("8", "miss = reflected - mirrored_in(", "miss = reflected - 0.9 * mirrored_in("),
-    ("8", "spread = 2.0 * slack;", ""),
+    ("8", "spread = JITTERED_TURN * slack;", ""),
     ("8", "> settings.mirror.reflector_roughness", "> -1.0"),
     ("8", "expected.moved || turned || shifted", "expected.moved"),
     ("8", "vec2f(b * q - c * p, b * p - a * q)", "vec2f(0.0)"),
