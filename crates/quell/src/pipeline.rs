@@ -122,9 +122,12 @@ impl Stage {
     pub fn reach(self, s: &Settings, rows: usize) -> Reach {
         match self {
             Self::MatteTemporal => matte_temporal::reach(s),
-            Self::MatteYoung1 | Self::GlossyYoung1 => young_filter::reach(0),
-            Self::MatteYoung3 | Self::GlossyYoung3 => young_filter::reach(1),
-            Self::MatteYoung9 | Self::GlossyYoung9 => young_filter::reach(2),
+            Self::MatteYoung1 => young_filter::reach(&s.young_filter, Signal::Matte, 0),
+            Self::GlossyYoung1 => young_filter::reach(&s.young_filter, Signal::Glossy, 0),
+            Self::MatteYoung3 => young_filter::reach(&s.young_filter, Signal::Matte, 1),
+            Self::GlossyYoung3 => young_filter::reach(&s.young_filter, Signal::Glossy, 1),
+            Self::MatteYoung9 => young_filter::reach(&s.young_filter, Signal::Matte, 2),
+            Self::GlossyYoung9 => young_filter::reach(&s.young_filter, Signal::Glossy, 2),
             Self::MattePrefilter => matte_prefilter::reach(&s.matte_prefilter, rows),
             Self::Disocclusion => disocclusion::reach(&s.disocclusion),
             Self::Firefly => firefly::reach(),

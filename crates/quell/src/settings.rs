@@ -159,6 +159,10 @@ parameters! {
         guard_band: f32 = 0.0, 0.0..=64.0, "pixels",
             "Border of the previous image that is not trusted.",
             higher "Fresh noise at the edges of the picture.", lower "None.", source "[E]";
+        lost_footprint: f32 = 0.0, 0.0..=64.0, "",
+            "Where only the part f of the bilinear footprint shows the surface, trust is times f / (f + this (1 - f)).",
+            higher "At creases and silhouettes of what moves history is shorter: noisier, but not drawn in from the side.",
+            lower "There it is fetched from up to a pixel beside, frame after frame: contact shadows fade.", source "ours: `docs/quality.md`";
         confidence_frames: f32 = 4.0, 1.0..=64.0, "frames",
             "History length at which confidence is full.",
             higher "Stage 5 helps for longer.", lower "Stage 5 lets go earlier.", source "[O] algorithm, 3.7";
@@ -239,6 +243,10 @@ parameters! {
         isolated: f32 = 0.0, 0.0..=64.0, "frames", "First level: as far as the weights of the eight neighbours add up to less than 1, all of them count, whatever surface they show, by up to this many frames less the pixel's own.",
             higher "Wires and leaves take the light of what is around them while their history is short.", lower "They keep the noise of their few paths.",
             source "ours: `docs/quality.md`";
+        contact: f32 = 0.0, 0.0..=16.0, "",
+            "Matte only: where another surface meets this one beside a pair of pixels, in line with them, the pair counts nothing from this closeness on, less before; 0: no such stop.",
+            higher "Contact shadows and corners fade.", lower "Noise stays beside corners.",
+            source "ours: `docs/quality.md`; light changes as fast as surfaces are near: Ward et al. (SIGGRAPH 1988)";
     }
     /// The cross-bilateral weight that stages 4, 7, 9 and 10 share. Geometry only.
     edge: Edge {
@@ -449,7 +457,9 @@ impl Settings {
                 matte_contrast: 8.0,
                 glossy_contrast: 6.0,
                 isolated: 1.5,
+                contact: 0.5,
             },
+            surface: SurfaceSettings { lost_footprint: 0.5, ..SurfaceSettings::default() },
             changed_light: ChangedLight { matte: true, glossy: true, fast: 0.3, ..ChangedLight::default() },
             // Blades and wires find neighbours of their own surface.
             edge: Edge { plane: 0.3, ..Edge::default() },

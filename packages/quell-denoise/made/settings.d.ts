@@ -28,6 +28,8 @@ export interface Settings {
   "surface.moving_depth"?: number;
   /** Border of the previous image that is not trusted. From 0 to 64, pixels. Preset paper: 0. */
   "surface.guard_band"?: number;
+  /** Where only the part f of the bilinear footprint shows the surface, trust is times f / (f + this (1 - f)). From 0 to 64. Preset paper: 0. */
+  "surface.lost_footprint"?: number;
   /** History length at which confidence is full. From 1 to 64, frames. Preset paper: 4. */
   "surface.confidence_frames"?: number;
   /** Switch of the stage. Preset paper: true. */
@@ -80,6 +82,8 @@ export interface Settings {
   "young_filter.glossy_contrast"?: number;
   /** First level: as far as the weights of the eight neighbours add up to less than 1, all of them count, whatever surface they show, by up to this many frames less the pixel's own. From 0 to 64, frames. Preset paper: 0. */
   "young_filter.isolated"?: number;
+  /** Matte only: where another surface meets this one beside a pair of pixels, in line with them, the pair counts nothing from this closeness on, less before; 0: no such stop. From 0 to 16. Preset paper: 0. */
+  "young_filter.contact"?: number;
   /** Kz: fall of the weight with the distance in depth from the tangent plane. From 0 to 1000, per relative depth. Preset paper: 5. */
   "edge.depth"?: number;
   /** Kn: fall of the weight with 1 - cosine^4 of the normals. From 0 to 100. Preset paper: 1. */

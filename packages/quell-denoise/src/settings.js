@@ -125,6 +125,7 @@ export function settingsStruct(settings, rows) {
       matte_contrast: young.matte_contrast,
       glossy_contrast: young.glossy_contrast,
       isolated: young.isolated,
+      contact: young.contact,
       last,
     },
     matte_prefilter: spiral("matte_prefilter"),

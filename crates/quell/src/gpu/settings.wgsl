@@ -26,6 +26,7 @@ struct SurfaceSettings {
     static_motion: f32,
     moving_depth: f32,
     guard_band: f32,
+    lost_footprint: f32,
 }
 
 struct Blend {
@@ -70,6 +71,8 @@ struct YoungSettings {
     matte_contrast: f32,
     glossy_contrast: f32,
     isolated: f32,
+    // Closeness of another surface from which a pair counts nothing; 0: no such stop.
+    contact: f32,
     // Pixels between the taps of the matte level that hands the confidence on; 0: none does.
     last: i32,
 }

@@ -61,6 +61,7 @@ uniforms! {
         static_motion: f32,
         moving_depth: f32,
         guard_band: f32,
+        lost_footprint: f32,
     }
 
     Blend as "Blend" {
@@ -106,6 +107,7 @@ uniforms! {
         matte_contrast: f32,
         glossy_contrast: f32,
         isolated: f32,
+        contact: f32,
         last: u32,
     }
 
@@ -439,6 +441,7 @@ fn surface(s: &SurfaceSettings) -> Surface {
         static_motion: s.static_motion,
         moving_depth: s.moving_depth,
         guard_band: s.guard_band,
+        lost_footprint: s.lost_footprint,
     }
 }
 
@@ -460,6 +463,7 @@ fn young(settings: &Settings) -> Young {
         matte_contrast: s.matte_contrast,
         glossy_contrast: s.glossy_contrast,
         isolated: s.isolated,
+        contact: s.contact,
         last: young_filter::last_before_blend(settings).unwrap_or(0) as u32,
     }
 }

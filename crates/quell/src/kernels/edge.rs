@@ -7,6 +7,12 @@
 //! - w_p = max(0, 1 - 2 Kp e / |dX|)^2, e = max(|dX.n_p|, |dX.n_q|); 1 where |dX| is under a hundredth of a pixel;
 //! - w_g = max(0, 1 - 10 Kg |s_q - s_p|), s = 1 - roughness;
 //! - differing ids, or background: 0.
+//!
+//! The contact stop (ours) is no part of it: for a tap that lies (dx, dy) pixels away, w_c(dx, 0) w_c(0, dy), along an axis
+//! w_c(e) = max(0, 1 - (t / a)^2)^2, t = |X_{p+e} - X_p| max(h(p, p - e), h(p + e, p + 2e)), h(c, r) = max(0, (X_r - X_c).n_p) / |X_r - X_c|^2,
+//! 0 where r is background or lies beyond the picture; w_c is 1 where p + e is or does, and where e is 0. Indirect light changes as fast as surfaces are
+//! near (the split-sphere model of Ward, Rubinstein and Clear, SIGGRAPH 1988): in a corner from pixel to pixel, so that two
+//! pixels of one wall may show different light though geometry says that they are alike.
 
 use crate::settings::Edge;
 use glam::Vec3;
@@ -29,6 +35,20 @@ pub struct Surface {
     pub roughness: f32,
     /// Object or material.
     pub id: u32,
+}
+
+/// h: how closely what lies `above` a tangent plane, at a squared distance, faces its pixel; 1 / world unit.
+#[inline(always)]
+pub fn closeness(above: f32, squared: f32) -> f32 {
+    if above > 0.0 { above / squared } else { 0.0 }
+}
+
+/// w_c of a pair at a squared distance; `nearest`: the larger h; `gain`: 1 / a^2.
+#[inline(always)]
+pub fn contact_stop(squared: f32, nearest: f32, gain: f32) -> f32 {
+    let left = 1.0 - squared * (nearest * nearest) * gain;
+    let left = if left > 0.0 { left } else { 0.0 };
+    left * left
 }
 
 /// The gains of the weight for one lobe.

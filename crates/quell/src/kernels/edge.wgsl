@@ -38,3 +38,18 @@ fn edge_weight(
     let w_gloss = max(1.0 - GLOSS_SCALE * stops.gloss * abs(q.roughness - p.roughness), 0.0);
     return w_depth * w_normal * w_plane * w_gloss;
 }
+
+// h: how closely what lies at an offset faces a tangent plane's pixel; 1 / world unit.
+fn closeness(offset: vec3f, normal: vec3f) -> f32 {
+    let above = dot(offset, normal);
+    if above > 0.0 {
+        return above / dot(offset, offset);
+    }
+    return 0.0;
+}
+
+// The contact stop of a pair; `nearest`: the larger h.
+fn contact_stop(offset: vec3f, nearest: f32, contact: f32) -> f32 {
+    let rest = max(1.0 - dot(offset, offset) * (nearest * nearest) / (contact * contact), 0.0);
+    return rest * rest;
+}

@@ -5,7 +5,7 @@
 //! 1 (orthographic). With a = n_p.v_p and k = n_p.D: dX.n_p = k s + a (z_q - z_p), and the distance in depth to p's
 //! tangent plane is dX.n_p / (n_p.v_q). No world position is needed, and nothing cancels.
 
-use super::edge::{COINCIDENT_PX, GLOSS_SCALE};
+use super::edge::{COINCIDENT_PX, GLOSS_SCALE, closeness, contact_stop};
 use super::math::three;
 use crate::camera::Projection;
 use crate::settings::Edge;
@@ -236,6 +236,88 @@ pub(crate) fn weights<const PERSPECTIVE: bool, const GLOSS: bool>(
         // Background has an infinite depth.
         let same = (q_id[i] == p_id[i]) & (z < f32::INFINITY);
         out[i] = if same { weight } else { 0.0 };
+    }
+}
+
+/// [`closeness`] of what lies `tap` away to the centres from lane `first` on; `depth`: of what lies there.
+#[inline(always)]
+pub(crate) fn closeness_to_centres<const PERSPECTIVE: bool>(
+    centres: &Centres,
+    first: usize,
+    depth: &[f32],
+    tap: &Tap,
+    out: &mut [f32],
+) {
+    let n = out.len();
+    let (depth, p_depth, p_facing) = (&depth[..n], &centres.depth[first..][..n], &centres.facing[first..][..n]);
+    let (p_ax, p_ay) = (&centres.along[0][first..][..n], &centres.along[1][first..][..n]);
+    let [p_rx, p_ry, p_rz] = three(|c| &centres.ray[c][first..][..n]);
+    let (dx, dy, delta) = (tap.dx, tap.dy, tap.delta);
+    for i in 0..n {
+        let z = depth[i];
+        let rise = z - p_depth[i];
+        let scale = if PERSPECTIVE { z } else { 1.0 };
+        let above = (p_ax[i] * dx + p_ay[i] * dy) * scale + p_facing[i] * rise;
+        let ox = delta[0] * scale + p_rx[i] * rise;
+        let oy = delta[1] * scale + p_ry[i] * rise;
+        let oz = delta[2] * scale + p_rz[i] * rise;
+        let h = closeness(above, ox * ox + oy * oy + oz * oz);
+        out[i] = if z < f32::INFINITY { h } else { 0.0 };
+    }
+}
+
+/// [`closeness`] of what lies twice as far as `tap` to what lies there, by the centres' normals; depths of both.
+#[inline(always)]
+pub(crate) fn closeness_beyond<const PERSPECTIVE: bool>(
+    centres: &Centres,
+    first: usize,
+    (near, far): (&[f32], &[f32]),
+    tap: &Tap,
+    out: &mut [f32],
+) {
+    let n = out.len();
+    let (near, far, p_facing) = (&near[..n], &far[..n], &centres.facing[first..][..n]);
+    let (p_ax, p_ay) = (&centres.along[0][first..][..n], &centres.along[1][first..][..n]);
+    let [p_rx, p_ry, p_rz] = three(|c| &centres.ray[c][first..][..n]);
+    let (dx, dy, delta) = (tap.dx, tap.dy, tap.delta);
+    for i in 0..n {
+        let (q, r) = (near[i], far[i]);
+        let rise = r - q;
+        let scale = if PERSPECTIVE { 2.0 * r - q } else { 1.0 };
+        let above = (p_ax[i] * dx + p_ay[i] * dy) * scale + p_facing[i] * rise;
+        let ox = delta[0] * scale + p_rx[i] * rise;
+        let oy = delta[1] * scale + p_ry[i] * rise;
+        let oz = delta[2] * scale + p_rz[i] * rise;
+        let h = closeness(above, ox * ox + oy * oy + oz * oz);
+        out[i] = if (q < f32::INFINITY) & (r < f32::INFINITY) { h } else { 0.0 };
+    }
+}
+
+/// [`contact_stop`] of the centres and what lies `tap` away, an axis; `depth`: of what lies there, `to_p` and `to_q`: what is close to
+/// either of the pair.
+#[inline(always)]
+pub(crate) fn contact_stops<const PERSPECTIVE: bool>(
+    centres: &Centres,
+    depth: &[f32],
+    tap: &Tap,
+    (to_p, to_q, gain): (&[f32], &[f32], f32),
+    out: &mut [f32],
+) {
+    let n = out.len();
+    let (depth, p_depth) = (&depth[..n], &centres.depth[..n]);
+    let (to_p, to_q) = (&to_p[..n], &to_q[..n]);
+    let [p_rx, p_ry, p_rz] = three(|c| &centres.ray[c][..n]);
+    let delta = tap.delta;
+    for i in 0..n {
+        let z = depth[i];
+        let rise = z - p_depth[i];
+        let scale = if PERSPECTIVE { z } else { 1.0 };
+        let ox = delta[0] * scale + p_rx[i] * rise;
+        let oy = delta[1] * scale + p_ry[i] * rise;
+        let oz = delta[2] * scale + p_rz[i] * rise;
+        let nearest = if to_p[i] > to_q[i] { to_p[i] } else { to_q[i] };
+        let stop = contact_stop(ox * ox + oy * oy + oz * oz, nearest, gain);
+        out[i] = if z < f32::INFINITY { stop } else { 1.0 };
     }
 }
 

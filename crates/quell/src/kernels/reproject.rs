@@ -40,6 +40,8 @@ pub struct Lookup {
     pub trust: f32,
     /// Colours are fetched from 4x4 pixels by Catmull and Rom's spline: all four show what is looked for.
     pub spline: bool,
+    /// The part of the bilinear footprint that shows what is looked for, 0..1.
+    pub footprint: f32,
 }
 
 /// Weights under this share of the bilinear footprint are no evidence: rounding of a coordinate.
@@ -103,7 +105,15 @@ pub fn surface_lookup(
         }
         distance_trust(now, before, settings, expected, tx, ty)
     });
-    Lookup { spline: false, ..found }
+    let kept = if found.trust > 0.0 { kept_trust(found.footprint, settings.lost_footprint) } else { 0.0 };
+    Lookup { spline: false, trust: found.trust * kept, ..found }
+}
+
+/// What is left of trust where the part `footprint`, above 0, of the bilinear footprint shows the surface; `lost`: the parameter. The
+/// mean over that part lies beside the place: where light falls off towards an edge, history would creep in from the side.
+#[inline(always)]
+pub(crate) fn kept_trust(footprint: f32, lost: f32) -> f32 {
+    footprint / (footprint + lost * (1.0 - footprint))
 }
 
 #[derive(Clone, Copy)]
@@ -145,6 +155,7 @@ pub(super) fn lookup(now: &Guides, coordinate: Vec2, trust_of: impl Fn(usize, us
         *w /= total;
     }
     found.trust = trusted / total;
+    found.footprint = total;
     found.spline = whole;
     found
 }

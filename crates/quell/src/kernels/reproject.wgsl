@@ -180,5 +180,11 @@ fn surface_lookup(expected: Expected, pixel: vec2i) -> Lookup {
         surface_trust(expected, footprint_pixel(footprint.first, 2), id),
         surface_trust(expected, footprint_pixel(footprint.first, 3), id),
     );
-    return lookup_of(footprint, trusts);
+    var found = lookup_of(footprint, trusts);
+    // The mean over the part of the footprint that shows the surface lies beside the place: less of it, less trust.
+    let part = dot(select(vec4f(0.0), footprint.weight, trusts > vec4f(0.0)), vec4f(1.0));
+    if part > 0.0 {
+        found.trust *= part / (part + settings.surface.lost_footprint * (1.0 - part));
+    }
+    return found;
 }

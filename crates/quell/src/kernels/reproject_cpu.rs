@@ -2,7 +2,7 @@
 //! that both find the same places to the bit. Previous pixels lie anywhere: they are collected one by one.
 
 use super::math::three;
-use super::reproject::LEAST_FOOTPRINT;
+use super::reproject::{LEAST_FOOTPRINT, kept_trust};
 use crate::camera::Projection;
 use crate::kernels::spiral::PERIOD;
 use crate::phased::guides::{CpuGuides, Surfaces, field};
@@ -594,6 +594,12 @@ impl Footprint {
                 found.weight[k][i] = if enough { found.weight[k][i] / total[i] } else { 0.0 };
             }
             found.trust[i] = if enough { trusted[i] / total[i] } else { 0.0 };
+        }
+        if !reflector && surface.lost_footprint > 0.0 {
+            for i in 0..LANES {
+                let kept = kept_trust(total[i], surface.lost_footprint);
+                found.trust[i] *= if found.trust[i] > 0.0 { kept } else { 0.0 };
+            }
         }
         found.any_spline = false;
         if spline_below > 0.0 {

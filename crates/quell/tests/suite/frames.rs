@@ -314,7 +314,7 @@ pub fn creeping(t: f64) -> View {
 
 // --- scenes ---
 
-fn at(x: f64, y: f64, z: f64) -> DAffine3 {
+pub fn at(x: f64, y: f64, z: f64) -> DAffine3 {
     DAffine3::from_translation(DVec3::new(x, y, z))
 }
 

@@ -1,7 +1,7 @@
 //! What must hold of the pipeline: energy, identity, sums of passes, reprojection.
 
 use super::frames::*;
-use glam::{DVec2, DVec3, Vec2, Vec3};
+use glam::{DAffine3, DVec2, DVec3, Vec2, Vec3};
 use quell::border::{PlaneName, Repair};
 use quell::kernels::mirror_image::{bent_coordinate, previous_reflector, virtual_coordinate};
 use quell::kernels::reproject::{expected_surface, surface_lookup};
@@ -226,6 +226,61 @@ fn what_stands_alone_takes_light_from_what_is_around() {
         assert!(error < 0.6 * before, "{error}; without {before}");
         // Stage 6 takes what is bright and alone: without help, nearly all of it.
         assert!((whole - 0.5).abs() < 0.015 && light > 0.38 && taken < 0.25, "{light}, {taken}; {whole}");
+    }
+}
+
+#[test]
+fn contact_shadows_stay() {
+    // A wall on a floor, whose light falls off towards the corner; the camera rises, away from it. How much too bright the pixels
+    // beside the corner are.
+    fn rising(t: f64) -> View {
+        View { position: DVec3::new(0.0, 0.013 * t - 0.3, 3.0), ..still(t) }
+    }
+    let size = Size::new(64, 48);
+    let mut scene = wall(rising, Noise::Uniform);
+    scene.objects[0].light = |p, _| [1.0 - 0.7 * (-(p.y + 0.6).max(0.0) / 0.1).exp() as f32; 3];
+    scene.objects[1] = Object {
+        shape: Shape::Rectangle(50.0, 50.0),
+        id: 1,
+        roughness: 0.5,
+        pose: Box::new(|_| at(0.0, -0.6, 0.0) * DAffine3::from_rotation_x(-std::f64::consts::FRAC_PI_2)),
+        light: |p, _| [1.0 - 0.7 * (p.y.min(0.0) / 0.1).exp() as f32; 3],
+    };
+    let mut excess = |settings: &Settings, backend: Backend| {
+        let mut denoiser = Denoiser::with_backend(size, settings, backend).unwrap();
+        let (mut found, mut true_light, mut whole) = (0.0, 0.0, [0.0; 2]);
+        for i in 0..48 {
+            scene.noise = Noise::Uniform;
+            let frame = scene.frame(size, i);
+            let matte = denoise(&mut denoiser, &frame).matte.unwrap();
+            if i < 24 {
+                continue;
+            }
+            scene.noise = Noise::None;
+            let truth = scene.frame(size, i).matte.unwrap();
+            whole = [whole[0] + mean(&matte), whole[1] + mean(&truth)];
+            let normal = frame.normal.as_ref().unwrap();
+            for (x, y) in (0..size.pixels()).map(|p| (p % size.width, p / size.width)) {
+                let beside = [y.saturating_sub(1), (y + 1).min(size.height - 1)].map(|y| normal.at(x, y)[1] > 0.5);
+                if beside[0] != beside[1] {
+                    found += f64::from(matte.at(x, y)[0]);
+                    true_light += f64::from(truth.at(x, y)[0]);
+                }
+            }
+        }
+        (found / true_light - 1.0, whole[0] / whole[1])
+    };
+    let settings = Settings::preset(Preset::Quality);
+    let mut filled = settings.clone();
+    filled.young_filter.contact = 0.0;
+    let mut drawn_in = settings.clone();
+    drawn_in.surface.lost_footprint = 0.0;
+    for backend in BACKENDS {
+        let mut of = |settings: &Settings| excess(settings, backend);
+        let ((with, energy), (filled, _), (drawn_in, _)) = (of(&settings), of(&filled), of(&drawn_in));
+        println!("{with}; without the contact stop {filled}; without the footprint's {drawn_in}; light {energy}");
+        assert!(with < 0.75 * filled && with < 0.6 * drawn_in, "{with}: {filled}, {drawn_in}");
+        assert!((energy - 1.0).abs() < 0.005, "{energy}");
     }
 }
 

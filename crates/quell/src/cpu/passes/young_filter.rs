@@ -2,7 +2,9 @@
 //! enough are copied.
 
 use super::sparse_bilateral::{Pieces, RunOf, guide_run, lanes_of, of_fields};
-use crate::kernels::edge_cpu::{Centres, Gains, RUN, Run, Tap, run_length, weights};
+use crate::kernels::edge_cpu::{
+    Centres, Gains, RUN, Run, Tap, closeness_beyond, closeness_to_centres, contact_stops, run_length, weights,
+};
 use crate::kernels::math::three;
 use crate::kernels::spiral::PERIOD;
 use crate::phased::guides::CpuGuides;
@@ -16,6 +18,7 @@ use crate::stages::young_filter::cpu::{
     Others, Spread, alike, by_frames, divide, finish, lacking, luminances, refuse, shares, varied, vary,
 };
 use fearless_simd::Level;
+use std::ops::Range;
 
 /// What a level needs besides its images.
 #[derive(Clone, Copy)]
@@ -39,6 +42,8 @@ pub(crate) struct Filter<'a> {
     pub first: f32,
     /// Most frames that neighbours count for a pixel that has none of its own surface; 0 on other levels than the first.
     pub isolated: f32,
+    /// Of the contact stop, squared and inverted; 0: no such stop.
+    pub contact: f32,
     /// The variance of luminance, in phase order, as the level before left it; `None`: level 0, or `deviations` is 0.
     pub noise: Option<&'a [f32]>,
 }
@@ -88,6 +93,7 @@ struct Scratch {
     spread: Spread,
     /// Sums of the edge weights of the taps, then what they lack to 1, for pixels whose neighbours of other surfaces count.
     lack: Run,
+    contacts: Contacts,
     /// Variance of the centres, and the sum that becomes the variance of their means.
     noise: Run,
     varied: Run,
@@ -115,6 +121,7 @@ fn a_row<const PERSPECTIVE: bool, const GLOSS: bool>(
         light_there: zero,
         spread: Spread::new(),
         lack: zero,
+        contacts: Contacts::new(),
         noise: zero,
         varied: zero,
     };
@@ -124,6 +131,72 @@ fn a_row<const PERSPECTIVE: bool, const GLOSS: bool>(
             let len = length.min(phases.count(phase) - first);
             let run = RunOf { y, phase, first, len };
             filter_run::<PERSPECTIVE, GLOSS>(filter, phases, input, run, &mut scratch, (out, left.as_deref_mut()));
+        }
+    }
+}
+
+/// To the left, to the right, up and down: the other way is the neighbour in this list.
+const AXES: [(i32, i32); 4] = [(-1, 0), (1, 0), (0, -1), (0, 1)];
+
+/// The contact stop of a run, along the axes.
+#[repr(align(64))]
+struct Contacts {
+    /// Depths of the neighbours; infinite: there is none.
+    depth: [Run; 4],
+    /// How close each is to the centres.
+    close: [Run; 4],
+    /// How close what lies beyond one is to it.
+    beyond: Run,
+    stop: [Run; 4],
+}
+
+impl Contacts {
+    fn new() -> Self {
+        let zero = [[0.0; RUN]; 4];
+        Self { depth: zero, close: zero, beyond: [0.0; RUN], stop: zero }
+    }
+
+    #[inline(always)]
+    fn find<const PERSPECTIVE: bool>(&mut self, filter: &Filter<'_>, phases: &Phases, run: RunOf, centres: &Centres) {
+        let (guides, view, step) = (filter.guides, &filter.guides.now.view, filter.step as i32);
+        for (axis, (dx, dy)) in AXES.into_iter().enumerate() {
+            let (depth, close) = (&mut self.depth[axis], &mut self.close[axis]);
+            (*depth, *close) = ([f32::INFINITY; RUN], [0.0; RUN]);
+            let geometry = Tap::new(view, dx * step, dy * step);
+            let mut pieces = Pieces::of(phases, run, (dx * step, dy * step), OffScreen::Skip);
+            while let Some(piece) = pieces.next() {
+                let lanes = piece.first..piece.first + piece.len;
+                let there = guide_run(guides, piece.y, piece.at, piece.len).depth;
+                closeness_to_centres::<PERSPECTIVE>(centres, piece.first, there, &geometry, &mut close[lanes.clone()]);
+                piece.mask(&mut close[lanes.clone()]);
+                depth[lanes].copy_from_slice(there);
+            }
+        }
+        for (axis, (dx, dy)) in AXES.into_iter().enumerate() {
+            self.beyond = [0.0; RUN];
+            let geometry = Tap::new(view, dx * step, dy * step);
+            let mut pieces = Pieces::of(phases, run, (2 * dx * step, 2 * dy * step), OffScreen::Skip);
+            while let Some(piece) = pieces.next() {
+                let lanes = piece.first..piece.first + piece.len;
+                let there = guide_run(guides, piece.y, piece.at, piece.len).depth;
+                let depths = (&self.depth[axis][lanes.clone()], there);
+                let beyond = &mut self.beyond[lanes];
+                closeness_beyond::<PERSPECTIVE>(centres, piece.first, depths, &geometry, beyond);
+                piece.mask(beyond);
+            }
+            let near = (&self.close[axis ^ 1][..], &self.beyond[..], filter.contact);
+            let out = &mut self.stop[axis][..run.len];
+            contact_stops::<PERSPECTIVE>(centres, &self.depth[axis], &geometry, near, out);
+        }
+    }
+
+    /// Takes from a tap's weights what the stops along both axes take.
+    #[inline(always)]
+    fn stop(&self, (dx, dy): (i32, i32), lanes: Range<usize>, weights: &mut [f32]) {
+        for (axis, of_axis) in AXES.into_iter().enumerate() {
+            if (dx != 0 && of_axis == (dx, 0)) || (dy != 0 && of_axis == (0, dy)) {
+                weights.iter_mut().zip(&self.stop[axis][lanes.clone()]).for_each(|(w, stop)| *w *= stop);
+            }
         }
     }
 }
@@ -140,6 +213,7 @@ fn filter_run<const PERSPECTIVE: bool, const GLOSS: bool>(
     let Scratch { centres, taps, total, share, frames, own: own_weight, like, sums, .. } = scratch;
     let (light, light_there, spread) = (&mut scratch.light, &mut scratch.light_there, &mut scratch.spread);
     let (noise, varied_sums) = (&mut scratch.noise, &mut scratch.varied);
+    let contacts = &mut scratch.contacts;
     let lack = &mut scratch.lack;
     let guides = filter.guides;
     let width = phases.size.width;
@@ -186,6 +260,10 @@ fn filter_run<const PERSPECTIVE: bool, const GLOSS: bool>(
         let step = filter.step as i32;
         Pieces::of(phases, run, (dx * step, dy * step), OffScreen::Skip)
     };
+    let stops_at_contact = filter.contact > 0.0;
+    if stops_at_contact {
+        contacts.find::<PERSPECTIVE>(filter, phases, run, centres);
+    }
     for (of_tap, offset) in taps.iter_mut().zip(OFFSETS) {
         let mut pieces = pieces(offset);
         while let Some(piece) = pieces.next() {
@@ -195,6 +273,9 @@ fn filter_run<const PERSPECTIVE: bool, const GLOSS: bool>(
             let geometry = Tap::new(view, piece.offset.0, piece.offset.1);
             weights::<PERSPECTIVE, GLOSS>(centres, piece.first, &q, &geometry, &filter.gains, of_tap);
             piece.mask(of_tap);
+            if stops_at_contact {
+                contacts.stop(offset, lanes.clone(), of_tap);
+            }
             if helps {
                 lack[lanes.clone()].iter_mut().zip(&*of_tap).for_each(|(sum, w)| *sum += *w);
             }

@@ -1,13 +1,14 @@
 //! The specification of the filter of young history.
 
-use super::{LEAST_NEIGHBOURS, Lobe, contrast, counted, ends, fade, prior, step_px, stop};
+use super::{LEAST_NEIGHBOURS, Lobe, contact, contrast, counted, ends, fade, prior, step_px, stop};
 use crate::border::Guides;
 use crate::frame::{Rgb, Signal};
-use crate::kernels::edge::EdgeStops;
+use crate::kernels::edge::{EdgeStops, closeness, contact_stop};
 use crate::kernels::math::luminance;
 use crate::par;
 use crate::plane::Plane;
 use crate::settings::Settings;
+use glam::Vec3;
 
 /// What a level reads.
 #[derive(Clone, Copy, Debug)]
@@ -59,6 +60,34 @@ pub fn run(input: Input<'_>, guides: &Guides, settings: &Settings, signal: Signa
     let contrast = contrast(young, signal);
     let first = (level == 0 && contrast > 0.0).then_some(contrast * contrast);
     let length = |(x, y): (usize, usize)| counted(input.length.at(x, y), young.frames);
+    let contact = contact(young, signal);
+    // How close what lies (dx, dy) from a pixel is to it.
+    let close = |(x, y): (usize, usize), (dx, dy): (isize, isize), normal: Vec3| {
+        let (rx, ry) = (x as isize + dx, y as isize + dy);
+        if !size.contains(rx, ry) {
+            return 0.0;
+        }
+        let (centre, there) = (guides.surface(x, y), guides.surface(rx as usize, ry as usize));
+        if !(centre.view_depth.is_finite() && there.view_depth.is_finite()) {
+            return 0.0;
+        }
+        let offset = there.position - centre.position;
+        closeness(offset.dot(normal), offset.length_squared())
+    };
+    // The contact stop along an axis.
+    let along_axis = |(x, y): (usize, usize), (dx, dy): (isize, isize)| {
+        let (qx, qy) = (x as isize + dx, y as isize + dy);
+        if contact <= 0.0 || (dx, dy) == (0, 0) || !size.contains(qx, qy) {
+            return 1.0;
+        }
+        let (p, q) = (guides.surface(x, y), guides.surface(qx as usize, qy as usize));
+        if !q.view_depth.is_finite() {
+            return 1.0;
+        }
+        let beyond = close((qx as usize, qy as usize), (dx, dy), p.normal);
+        let nearest = close((x, y), (-dx, -dy), p.normal).max(beyond);
+        contact_stop((q.position - p.position).length_squared(), nearest, 1.0 / (contact * contact))
+    };
     // The taps, the centre first; none: background.
     let taps = |x: usize, y: usize| -> (f32, Vec<Tap>) {
         let p = guides.surface(x, y);
@@ -76,7 +105,9 @@ pub fn run(input: Input<'_>, guides: &Guides, settings: &Settings, signal: Signa
             }
             let (qx, qy) = (qx as usize, qy as usize);
             let (origin, direction) = guides.ray(qx, qy);
-            let edge = stops.weight(&p, &guides.surface(qx, qy), origin, direction, pixel_size);
+            let q = guides.surface(qx, qy);
+            let edge = stops.weight(&p, &q, origin, direction, pixel_size);
+            let edge = edge * along_axis((x, y), (dx, 0)) * along_axis((x, y), (0, dy));
             let (own, there) = (light((x, y)), light((qx, qy)));
             let like = match (noise, first) {
                 (Some(noise), _) => stop(own, there, noise.at(x, y) + noise.at(qx, qy), squared),
