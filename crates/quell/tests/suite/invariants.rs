@@ -2,9 +2,9 @@
 
 use super::frames::*;
 use glam::{DAffine3, DVec2, DVec3, Vec2, Vec3};
-use quell::border::{PlaneName, Repair};
+use quell::border::{Guides, PlaneName, Repair};
 use quell::kernels::mirror_image::{bent_coordinate, previous_reflector, virtual_coordinate};
-use quell::kernels::reproject::{expected_surface, surface_lookup};
+use quell::kernels::reproject::{Expected, Lookup, expected_surface, surface_lookup};
 use quell::pipeline::{Inputs, Plan, Stage};
 use quell::settings::{Clip, Feedback, FireflyInput, GlossyRadius, Median, PARAMETERS, Rejection};
 use quell::stages::glossy_bilateral::{Axis, KernelSize, radius_px};
@@ -988,6 +988,28 @@ fn mirror_sphere(turns: f64) -> Object {
     }
 }
 
+/// How far off, in pixels and rising, what the mirror sphere shows is found, as `error` has it, where the sphere was visible before.
+fn errors_on_the_sphere(
+    now: &Guides,
+    before: &Guides,
+    settings: &Settings,
+    error: impl Fn(&Expected, &Lookup, f32, (usize, usize)) -> Option<f32>,
+) -> Vec<f32> {
+    let mut errors = Vec::new();
+    for (x, y) in (0..now.size.height).flat_map(|y| (0..now.size.width).map(move |x| (x, y))) {
+        let Some(expected) = expected_surface(now, before, &settings.surface, x, y) else { continue };
+        let visible = surface_lookup(now, before, &settings.surface, &expected, x, y);
+        if visible.trust <= 0.0 || now.id.at(x, y) != 7 {
+            continue;
+        }
+        let expected = previous_reflector(now, before, &expected, &visible, x, y);
+        errors.extend(error(&expected, &visible, now.glossy_hit.at(x, y), (x, y)));
+    }
+    errors.sort_by(f32::total_cmp);
+    assert!(errors.len() > 1000, "{} pixels", errors.len());
+    errors
+}
+
 #[test]
 fn samples_that_are_jittered_move_no_image_in_a_curved_mirror_at_rest() {
     let size = Size::new(96, 72);
@@ -995,22 +1017,12 @@ fn samples_that_are_jittered_move_no_image_in_a_curved_mirror_at_rest() {
     scene.objects[0] = mirror_sphere(0.0);
     let settings = Settings::default();
     let (before, now) = (guides(&scene.frame(size, 6)), guides(&scene.frame(size, 7)));
-    let mut errors = Vec::new();
-    for (x, y) in (0..size.height).flat_map(|y| (0..size.width).map(move |x| (x, y))) {
-        let Some(expected) = expected_surface(&now, &before, &settings.surface, x, y) else { continue };
-        let visible = surface_lookup(&now, &before, &settings.surface, &expected, x, y);
-        if visible.trust <= 0.0 || now.id.at(x, y) != 7 {
-            continue;
-        }
-        let expected = previous_reflector(&now, &before, &expected, &visible, x, y);
-        let hit = now.glossy_hit.at(x, y);
-        let found = bent_coordinate(&now, &before, &expected, &visible, hit, x, y)
-            .or_else(|| virtual_coordinate(&now, &settings.glossy_temporal, &expected, hit, x, y))
+    let errors = errors_on_the_sphere(&now, &before, &settings, |expected, visible, hit, (x, y)| {
+        let found = bent_coordinate(&now, &before, expected, visible, hit, x, y)
+            .or_else(|| virtual_coordinate(&now, &settings.glossy_temporal, expected, hit, x, y))
             .unwrap();
-        errors.push((found - Vec2::new(x as f32 + 0.5, y as f32 + 0.5)).length());
-    }
-    errors.sort_by(f32::total_cmp);
-    assert!(errors.len() > 1000, "{} pixels", errors.len());
+        Some((found - Vec2::new(x as f32 + 0.5, y as f32 + 0.5)).length())
+    });
     let most = errors[errors.len() * 95 / 100];
     assert!(most < 0.01, "nineteen of twenty within {most} pixels");
 }
@@ -1038,20 +1050,10 @@ fn bumps_of_a_curved_mirror_carry_no_image_away_when_samples_are_jittered() {
         }
         guides
     });
-    let mut errors = Vec::new();
-    for (x, y) in (0..size.height).flat_map(|y| (0..size.width).map(move |x| (x, y))) {
-        let Some(expected) = expected_surface(&now, &before, &settings.surface, x, y) else { continue };
-        let visible = surface_lookup(&now, &before, &settings.surface, &expected, x, y);
-        if visible.trust <= 0.0 || now.id.at(x, y) != 7 {
-            continue;
-        }
-        let expected = previous_reflector(&now, &before, &expected, &visible, x, y);
-        let hit = now.glossy_hit.at(x, y);
-        let Some(found) = bent_coordinate(&now, &before, &expected, &visible, hit, x, y) else { continue };
-        errors.push((found - Vec2::from(expected.coordinate())).length());
-    }
-    errors.sort_by(f32::total_cmp);
-    assert!(errors.len() > 1000, "{} pixels", errors.len());
+    let errors = errors_on_the_sphere(&now, &before, &settings, |expected, visible, hit, (x, y)| {
+        let found = bent_coordinate(&now, &before, expected, visible, hit, x, y)?;
+        Some((found - Vec2::from(expected.coordinate())).length())
+    });
     let (half, most) = (errors[errors.len() / 2], errors[errors.len() * 9 / 10]);
     assert!(half < 0.1 && most < 0.3, "half within {half} pixels, nine tenths within {most}");
 }

@@ -42,7 +42,7 @@ pub(crate) struct Filter<'a> {
     pub first: f32,
     /// Most frames that neighbours count for a pixel that has none of its own surface; 0 on other levels than the first.
     pub isolated: f32,
-    /// Of the contact stop, squared and inverted; 0: no such stop.
+    /// 1 / `contact`^2 of the contact stop; 0: no such stop.
     pub contact: f32,
     /// The variance of luminance, in phase order, as the level before left it; `None`: level 0, or `deviations` is 0.
     pub noise: Option<&'a [f32]>,
@@ -147,6 +147,7 @@ struct Contacts {
     close: [Run; 4],
     /// How close what lies beyond one is to it.
     beyond: Run,
+    /// Weights, 0..1.
     stop: [Run; 4],
 }
 

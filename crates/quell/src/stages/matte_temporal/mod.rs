@@ -11,7 +11,8 @@
 //! | parameters | `matte_temporal.*`, `surface.*`, `changed_light.*` |
 //!
 //! rho, the trust in history, is where disocclusion is detected: `kernels/reproject.rs` compares the surface that motion leads to with the one
-//! that was there (`surface.plane_distance` and what stands beside it), and the host's `confidence_in` multiplies it.
+//! that was there (`surface.plane_distance` and what stands beside it), takes from it where only part of the footprint shows the
+//! surface (`surface.lost_footprint`), and the host's `confidence_in` multiplies it.
 //!
 //! Background and pixels without history take the current value. Their confidence is 0, that of background 1: nothing
 //! there needs help.
