@@ -243,10 +243,6 @@ parameters! {
         isolated: f32 = 0.0, 0.0..=64.0, "frames", "First level: as far as the weights of the eight neighbours add up to less than 1, all of them count, whatever surface they show, by up to this many frames less the pixel's own.",
             higher "Wires and leaves take the light of what is around them while their history is short.", lower "They keep the noise of their few paths.",
             source "ours: `docs/quality.md`";
-        contact: f32 = 0.0, 0.0..=16.0, "",
-            "Matte only: where another surface meets this one beside a pair of pixels, in line with them, the pair counts nothing from this closeness on, less before; 0: no such stop.",
-            higher "Contact shadows and corners fade.", lower "Noise stays beside corners.",
-            source "ours: `docs/quality.md`; light changes as fast as surfaces are near: Ward et al. (SIGGRAPH 1988)";
     }
     /// The cross-bilateral weight that stages 4, 7, 9 and 10 share. Geometry only.
     edge: Edge {
@@ -263,6 +259,10 @@ parameters! {
             higher "Reflections stop at changes of gloss.", lower "Reflections bleed over them.", source "[O] 1";
         monotone: bool = false, (), "", "Along a separable kernel's line, outwards, the weight may only fall.",
             higher "Stops leaks across thin foreground objects.", lower "Each tap is judged alone.", source "[E] optional";
+        contact: f32 = 0.0, 0.0..=16.0, "",
+            "Matte stages 4 and 7, and the filter by history: where another surface meets the one that a pair of pixels shows, the pair counts nothing from this closeness on, less before; 0: no such stop.",
+            higher "Contact shadows and corners fade.", lower "Noise stays beside corners.",
+            source "ours: `docs/quality.md`; light changes as fast as surfaces are near: Ward et al. (SIGGRAPH 1988)";
     }
     /// Stage 4.
     matte_prefilter: MattePrefilter {
@@ -457,12 +457,11 @@ impl Settings {
                 matte_contrast: 8.0,
                 glossy_contrast: 6.0,
                 isolated: 1.5,
-                contact: 0.5,
             },
             surface: SurfaceSettings { lost_footprint: 0.5, ..SurfaceSettings::default() },
             changed_light: ChangedLight { matte: true, glossy: true, fast: 0.3, ..ChangedLight::default() },
-            // Blades and wires find neighbours of their own surface.
-            edge: Edge { plane: 0.3, ..Edge::default() },
+            // Blades and wires find neighbours of their own surface; contact shadows stay.
+            edge: Edge { plane: 0.3, contact: 0.5, ..Edge::default() },
             glossy_temporal: GlossyTemporal {
                 alpha: 0.85,
                 mirror_roughness: 0.03,
@@ -473,6 +472,8 @@ impl Settings {
             // What is young is filtered already; mature light stays sharp.
             matte_prefilter: MattePrefilter { enabled: false, ..MattePrefilter::default() },
             disocclusion: Disocclusion { enabled: false, ..Disocclusion::default() },
+            // Its input is smooth already.
+            matte_bilateral: MatteBilateral { taps: 16, ..MatteBilateral::default() },
             antialiasing: Antialiasing { enabled: true, ..Antialiasing::default() },
             ..Self::default()
         }

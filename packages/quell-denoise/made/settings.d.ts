@@ -82,8 +82,6 @@ export interface Settings {
   "young_filter.glossy_contrast"?: number;
   /** First level: as far as the weights of the eight neighbours add up to less than 1, all of them count, whatever surface they show, by up to this many frames less the pixel's own. From 0 to 64, frames. Preset paper: 0. */
   "young_filter.isolated"?: number;
-  /** Matte only: where another surface meets this one beside a pair of pixels, in line with them, the pair counts nothing from this closeness on, less before; 0: no such stop. From 0 to 16. Preset paper: 0. */
-  "young_filter.contact"?: number;
   /** Kz: fall of the weight with the distance in depth from the tangent plane. From 0 to 1000, per relative depth. Preset paper: 5. */
   "edge.depth"?: number;
   /** Kn: fall of the weight with 1 - cosine^4 of the normals. From 0 to 100. Preset paper: 1. */
@@ -96,6 +94,8 @@ export interface Settings {
   "edge.glossy_gloss"?: number;
   /** Along a separable kernel's line, outwards, the weight may only fall. Preset paper: false. */
   "edge.monotone"?: boolean;
+  /** Matte stages 4 and 7, and the filter by history: where another surface meets the one that a pair of pixels shows, the pair counts nothing from this closeness on, less before; 0: no such stop. From 0 to 16. Preset paper: 0. */
+  "edge.contact"?: number;
   /** Switch of the stage. Preset paper: true. */
   "matte_prefilter.enabled"?: boolean;
   /** Taps of the spiral. From 1 to 64. Preset paper: 24. */

@@ -96,7 +96,13 @@ export function settingsStruct(settings, rows) {
     confidence_frames: s["surface.confidence_frames"],
     ...change(signal, s[`${name}.alpha`]),
   });
-  const edge = (gloss) => ({ depth: s["edge.depth"], normal: s["edge.normal"], plane: s["edge.plane"], gloss });
+  const edge = (gloss, contact) => ({
+    depth: s["edge.depth"],
+    normal: s["edge.normal"],
+    plane: s["edge.plane"],
+    gloss,
+    contact,
+  });
   const spiral = (name) => ({ taps: s[`${name}.taps`], mirror: place(`${name}.off_screen`, s[`${name}.off_screen`]) });
   const { confidence_frames: _, ...surface } = stage(s, "surface");
   const { radius, blur, floor, feedback_floor } = stage(s, "disocclusion");
@@ -109,8 +115,8 @@ export function settingsStruct(settings, rows) {
     surface: { ...surface, rejection: place("surface.rejection", surface.rejection) },
     matte_blend: blend("matte", "matte_temporal"),
     glossy_blend: blend("glossy", "glossy_temporal"),
-    matte_edge: edge(s["edge.matte_gloss"]),
-    glossy_edge: edge(s["edge.glossy_gloss"]),
+    matte_edge: edge(s["edge.matte_gloss"], s["edge.contact"]),
+    glossy_edge: edge(s["edge.glossy_gloss"], 0),
     young: {
       frames: young.frames,
       end_1: ends[0][1],
@@ -125,7 +131,6 @@ export function settingsStruct(settings, rows) {
       matte_contrast: young.matte_contrast,
       glossy_contrast: young.glossy_contrast,
       isolated: young.isolated,
-      contact: young.contact,
       last,
     },
     matte_prefilter: spiral("matte_prefilter"),

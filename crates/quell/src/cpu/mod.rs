@@ -393,10 +393,6 @@ impl Cpu {
             squared: s.deviations * s.deviations,
             first: if level == 0 { young::contrast(s, signal).powi(2) } else { 0.0 },
             isolated: if level == 0 { s.isolated } else { 0.0 },
-            contact: match young::contact(s, signal) {
-                contact if contact > 0.0 => 1.0 / (contact * contact),
-                _ => 0.0,
-            },
             noise: (stops && level > 0).then_some(before.as_slice()).filter(|noise| noise.len() == pixels),
         };
         let left = (stops && level as usize + 1 < young::LEVELS).then_some(after.as_mut_slice());

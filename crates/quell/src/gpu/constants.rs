@@ -48,6 +48,8 @@ const ALL: &[(&str, Number)] = &[
     ("CHANGE_MOST_LIGHT", F32(change::MOST_LIGHT)),
     ("COINCIDENT_PX", F32(edge::COINCIDENT_PX)),
     ("GLOSS_SCALE", F32(edge::GLOSS_SCALE)),
+    ("CONTACT_NEAR", I32(edge::CONTACT_STEPS[0])),
+    ("CONTACT_FAR", I32(edge::CONTACT_STEPS[1])),
     ("SAME_PLANE_PX", F32(mirror_image::SAME_PLANE_PX)),
     ("JITTERED_TURN", F32(mirror_image::JITTERED_TURN)),
     ("LEAST_BENT_DETERMINANT", F32(mirror_image::LEAST_BENT_DETERMINANT)),

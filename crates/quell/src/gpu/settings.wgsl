@@ -53,6 +53,8 @@ struct EdgeStops {
     normal: f32,
     plane: f32,
     gloss: f32,
+    // Closeness of another surface from which a pair counts nothing; 0: no such stop.
+    contact: f32,
 }
 
 struct YoungSettings {
@@ -71,8 +73,6 @@ struct YoungSettings {
     matte_contrast: f32,
     glossy_contrast: f32,
     isolated: f32,
-    // Closeness of another surface from which a pair counts nothing; 0: no such stop.
-    contact: f32,
     // Pixels between the taps of the matte level that hands the confidence on; 0: none does.
     last: i32,
 }

@@ -86,6 +86,7 @@ uniforms! {
         normal: f32,
         plane: f32,
         gloss: f32,
+        contact: f32,
     }
 
     Spiral as "SpiralSettings" {
@@ -107,7 +108,6 @@ uniforms! {
         matte_contrast: f32,
         glossy_contrast: f32,
         isolated: f32,
-        contact: f32,
         last: u32,
     }
 
@@ -306,13 +306,19 @@ impl SettingsUniforms {
         let off_screen = |o: OffScreen| u32::from(o == OffScreen::Mirror);
         let rows = size.height as f32;
         let kernel = KernelSize::new(&s.glossy_bilateral, size.height);
-        let edge = |gloss| EdgeStops { depth: s.edge.depth, normal: s.edge.normal, plane: s.edge.plane, gloss };
+        let edge = |gloss, contact| EdgeStops {
+            depth: s.edge.depth,
+            normal: s.edge.normal,
+            plane: s.edge.plane,
+            gloss,
+            contact,
+        };
         Self {
             surface: surface(&s.surface),
             matte_blend: blend(&temporal::Blend::matte(settings)),
             glossy_blend: blend(&temporal::Blend::glossy(settings)),
-            matte_edge: edge(s.edge.matte_gloss),
-            glossy_edge: edge(s.edge.glossy_gloss),
+            matte_edge: edge(s.edge.matte_gloss, s.edge.contact),
+            glossy_edge: edge(s.edge.glossy_gloss, 0.0),
             young: young(s),
             matte_prefilter: Spiral { taps: s.matte_prefilter.taps, mirror: off_screen(s.matte_prefilter.off_screen) },
             matte_bilateral: Spiral { taps: s.matte_bilateral.taps, mirror: off_screen(s.matte_bilateral.off_screen) },
@@ -463,7 +469,6 @@ fn young(settings: &Settings) -> Young {
         matte_contrast: s.matte_contrast,
         glossy_contrast: s.glossy_contrast,
         isolated: s.isolated,
-        contact: s.contact,
         last: young_filter::last_before_blend(settings).unwrap_or(0) as u32,
     }
 }

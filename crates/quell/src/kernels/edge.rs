@@ -8,9 +8,11 @@
 //! - w_g = max(0, 1 - 10 Kg |s_q - s_p|), s = 1 - roughness;
 //! - differing ids, or background: 0.
 //!
-//! The contact stop (ours) is no part of it: for a tap that lies (dx, dy) pixels away, w_c(dx, 0) w_c(0, dy), along an axis
+//! The contact stop (ours), of matte light where `edge.contact` a is above 0, is no part of it. In the filter by history, for a tap that
+//! lies (dx, dy) pixels away: w_c(dx, 0) w_c(0, dy), along an axis
 //! w_c(e) = max(0, 1 - (t / a)^2)^2, t = |X_{p+e} - X_p| max(h(p, p - e), h(p + e, p + 2e)), h(c, r) = max(0, (X_r - X_c).n_p) / |X_r - X_c|^2,
-//! 0 where r is background or lies beyond the picture; w_c is 1 where p + e is or does, and where e is 0. Indirect light changes as fast as surfaces are
+//! 0 where r is background or lies beyond the picture; w_c is 1 where p + e is or does, and where e is 0. In stages 4 and 7, whose many taps
+//! lie in all directions: max(0, 1 - (|dX| K / a)^2)^2, K the largest h(p, r) of the r that lie 2 and 8 pixels away along both axes. Indirect light changes as fast as surfaces are
 //! near (the split-sphere model of Ward, Rubinstein and Clear, SIGGRAPH 1988): in a corner from pixel to pixel, so that two
 //! pixels of one wall may show different light though geometry says that they are alike.
 
@@ -37,13 +39,21 @@ pub struct Surface {
     pub id: u32,
 }
 
+/// Distances, in pixels along both axes, at which stages 4 and 7 look for what is close to a pixel.
+pub const CONTACT_STEPS: [i32; 2] = [2, 8];
+
+/// How far stages 4 and 7 look for the contact stop, in pixels.
+pub(crate) fn contact_reach(edge: &Edge) -> usize {
+    if edge.contact > 0.0 { CONTACT_STEPS[1] as usize } else { 0 }
+}
+
 /// h: how closely what lies `above` a tangent plane, at a squared distance, faces its pixel; 1 / world unit.
 #[inline(always)]
 pub fn closeness(above: f32, squared: f32) -> f32 {
     if above > 0.0 { above / squared } else { 0.0 }
 }
 
-/// w_c of a pair at a squared distance; `nearest`: the larger h; `gain`: 1 / a^2.
+/// The contact stop of a pair at a squared distance; `nearest`: the largest h; `gain`: 1 / a^2.
 #[inline(always)]
 pub fn contact_stop(squared: f32, nearest: f32, gain: f32) -> f32 {
     let left = 1.0 - squared * (nearest * nearest) * gain;
@@ -58,17 +68,25 @@ pub struct EdgeStops {
     normal: f32,
     plane: f32,
     gloss: f32,
+    /// a; 0: no contact stop. [`EdgeStops::weight`] does not hold it.
+    pub(crate) contact: f32,
 }
 
 impl EdgeStops {
     /// For stages 4 and 7.
     pub fn matte(edge: &Edge) -> Self {
-        Self { depth: edge.depth, normal: edge.normal, plane: edge.plane, gloss: edge.matte_gloss }
+        Self {
+            depth: edge.depth,
+            normal: edge.normal,
+            plane: edge.plane,
+            gloss: edge.matte_gloss,
+            contact: edge.contact,
+        }
     }
 
     /// For stages 9 and 10.
     pub fn glossy(edge: &Edge) -> Self {
-        Self { gloss: edge.glossy_gloss, ..Self::matte(edge) }
+        Self { gloss: edge.glossy_gloss, contact: 0.0, ..Self::matte(edge) }
     }
 
     /// The weight of tap `q` for centre `p`, 0..1, without the Gaussian.

@@ -48,7 +48,19 @@ fn closeness(offset: vec3f, normal: vec3f) -> f32 {
     return 0.0;
 }
 
-// The contact stop of a pair; `nearest`: the larger h.
+// h of what another pixel shows: 0 beyond the picture, and background.
+fn closeness_at(centre: vec3f, normal: vec3f, r: vec2i) -> f32 {
+    if !contains(r) {
+        return 0.0;
+    }
+    let depth = depth_at(r);
+    if depth == BACKGROUND {
+        return 0.0;
+    }
+    return closeness(world(frame.view, sample_position(r), depth) - centre, normal);
+}
+
+// The contact stop of a pair; `nearest`: the largest h.
 fn contact_stop(offset: vec3f, nearest: f32, contact: f32) -> f32 {
     let rest = max(1.0 - dot(offset, offset) * (nearest * nearest) / (contact * contact), 0.0);
     return rest * rest;

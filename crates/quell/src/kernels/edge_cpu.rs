@@ -34,22 +34,35 @@ pub(crate) struct Gains {
     plane: f32,
     /// Ten times Kg.
     gloss: f32,
+    /// 1 / a^2 of the contact stop; 0: no such stop.
+    contact: f32,
 }
 
 impl Gains {
     /// For stages 4 and 7.
     pub fn matte(edge: &Edge) -> Self {
-        Self { depth: edge.depth, normal: edge.normal, plane: 2.0 * edge.plane, gloss: GLOSS_SCALE * edge.matte_gloss }
+        Self {
+            depth: edge.depth,
+            normal: edge.normal,
+            plane: 2.0 * edge.plane,
+            gloss: GLOSS_SCALE * edge.matte_gloss,
+            contact: if edge.contact > 0.0 { 1.0 / (edge.contact * edge.contact) } else { 0.0 },
+        }
     }
 
     /// For stages 9 and 10.
     pub fn glossy(edge: &Edge) -> Self {
-        Self { gloss: GLOSS_SCALE * edge.glossy_gloss, ..Self::matte(edge) }
+        Self { gloss: GLOSS_SCALE * edge.glossy_gloss, contact: 0.0, ..Self::matte(edge) }
     }
 
     /// Roughness takes part.
     pub fn reads_roughness(&self) -> bool {
         self.gloss != 0.0
+    }
+
+    /// There is a contact stop.
+    pub fn stops_at_contacts(&self) -> bool {
+        self.contact > 0.0
     }
 }
 
@@ -80,6 +93,8 @@ pub(crate) struct Centres {
     coincident: Run,
     roughness: Run,
     id: [u32; RUN],
+    /// K of the contact stop, of meaning where weights hold it.
+    pub nearest: Run,
 }
 
 impl Centres {
@@ -94,6 +109,7 @@ impl Centres {
             coincident: [0.0; RUN],
             roughness: [0.0; RUN],
             id: [0; RUN],
+            nearest: [0.0; RUN],
         }
     }
 
@@ -178,9 +194,10 @@ fn inverse_root(x: f32) -> f32 {
     y * (1.5 - half * y * y)
 }
 
-/// Edge weights, 0..1, of the taps `q` for the centres from lane `first` on; `out` is as long as `q`.
+/// Edge weights, 0..1, of the taps `q` for the centres from lane `first` on; `out` is as long as `q`. `CONTACT`: times the contact stop
+/// of stages 4 and 7.
 #[inline(always)]
-pub(crate) fn weights<const PERSPECTIVE: bool, const GLOSS: bool>(
+pub(crate) fn weights<const PERSPECTIVE: bool, const GLOSS: bool, const CONTACT: bool>(
     centres: &Centres,
     first: usize,
     q: &GuideRun<'_>,
@@ -200,7 +217,7 @@ pub(crate) fn weights<const PERSPECTIVE: bool, const GLOSS: bool>(
     let p_facing = lanes(&centres.facing, first, n);
     let (p_ax, p_ay) = (lanes(&centres.along[0], first, n), lanes(&centres.along[1], first, n));
     let (p_coincident, p_id) = (lanes(&centres.coincident, first, n), lanes(&centres.id, first, n));
-    let p_roughness = lanes(&centres.roughness, first, n);
+    let (p_roughness, p_nearest) = (lanes(&centres.roughness, first, n), lanes(&centres.nearest, first, n));
     let (q_depth, q_id, q_roughness) = (&q.depth[..n], &q.id[..n], &q.roughness[..n]);
     let [q_nx, q_ny, q_nz] = [&q.normal[0][..n], &q.normal[1][..n], &q.normal[2][..n]];
     let (dx, dy, delta) = (tap.dx, tap.dy, tap.delta);
@@ -232,6 +249,9 @@ pub(crate) fn weights<const PERSPECTIVE: bool, const GLOSS: bool>(
         let mut weight = w_depth * w_normal * w_plane;
         if GLOSS {
             weight *= at_least_0(1.0 - gains.gloss * (q_roughness[i] - p_roughness[i]).abs());
+        }
+        if CONTACT {
+            weight *= contact_stop(squared, p_nearest[i], gains.contact);
         }
         // Background has an infinite depth.
         let same = (q_id[i] == p_id[i]) & (z < f32::INFINITY);
@@ -300,7 +320,7 @@ pub(crate) fn contact_stops<const PERSPECTIVE: bool>(
     centres: &Centres,
     depth: &[f32],
     tap: &Tap,
-    (to_p, to_q, gain): (&[f32], &[f32], f32),
+    (to_p, to_q, gains): (&[f32], &[f32], &Gains),
     out: &mut [f32],
 ) {
     let n = out.len();
@@ -316,7 +336,7 @@ pub(crate) fn contact_stops<const PERSPECTIVE: bool>(
         let oy = delta[1] * scale + p_ry[i] * rise;
         let oz = delta[2] * scale + p_rz[i] * rise;
         let nearest = if to_p[i] > to_q[i] { to_p[i] } else { to_q[i] };
-        let stop = contact_stop(ox * ox + oy * oy + oz * oz, nearest, gain);
+        let stop = contact_stop(ox * ox + oy * oy + oz * oz, nearest, gains.contact);
         out[i] = if z < f32::INFINITY { stop } else { 1.0 };
     }
 }

@@ -254,11 +254,8 @@ fn every_stage_alone_agrees() {
         ),
         (
             "young, contact",
-            [
-                TEMPORAL,
-                &[("young_filter.matte", "on"), ("young_filter.contact", "0.5"), ("young_filter.deviations", "3")],
-            ]
-            .concat(),
+            [TEMPORAL, &[("young_filter.matte", "on"), ("edge.contact", "0.5"), ("young_filter.deviations", "3")]]
+                .concat(),
             WEIGHTS,
         ),
         (
@@ -321,6 +318,21 @@ fn every_stage_alone_agrees() {
         ("6, plain", vec![("firefly.enabled", "on"), ("firefly.plain", "on")], EXACT),
         ("6, luminance", vec![("firefly.enabled", "on"), ("firefly.median", "luminance")], EXACT),
         ("7", vec![("matte_bilateral.enabled", "on")], WEIGHTS),
+        (
+            "7, contact",
+            vec![("matte_bilateral.enabled", "on"), ("edge.contact", "0.5"), ("matte_bilateral.radius", "96")],
+            WEIGHTS,
+        ),
+        (
+            "4, gloss, contact",
+            vec![
+                ("matte_prefilter.enabled", "on"),
+                ("edge.matte_gloss", "1"),
+                ("edge.contact", "0.3"),
+                ("matte_prefilter.radius", "96"),
+            ],
+            WEIGHTS,
+        ),
         ("8", GLOSSY.to_vec(), EXACT),
         ("8, deviations", [GLOSSY, &[("glossy_temporal.clip", "sigma")]].concat(), DEVIATIONS),
         ("8, median", [GLOSSY, &[("glossy_temporal.hit_filter", "median")]].concat(), EXACT),

@@ -271,16 +271,26 @@ fn contact_shadows_stay() {
         (found / true_light - 1.0, whole[0] / whole[1])
     };
     let settings = Settings::preset(Preset::Quality);
-    let mut filled = settings.clone();
-    filled.young_filter.contact = 0.0;
-    let mut drawn_in = settings.clone();
-    drawn_in.surface.lost_footprint = 0.0;
+    // Stage 7 reaches two pixels in such a picture; at 180 rows it reaches eight.
+    let mut wide = settings.clone();
+    wide.matte_bilateral.radius = 120.0;
     for backend in BACKENDS {
-        let mut of = |settings: &Settings| excess(settings, backend);
-        let ((with, energy), (filled, _), (drawn_in, _)) = (of(&settings), of(&filled), of(&drawn_in));
-        println!("{with}; without the contact stop {filled}; without the footprint's {drawn_in}; light {energy}");
-        assert!(with < 0.75 * filled && with < 0.6 * drawn_in, "{with}: {filled}, {drawn_in}");
-        assert!((energy - 1.0).abs() < 0.005, "{energy}");
+        let mut of = |settings: &Settings, change: fn(&mut Settings)| {
+            let mut settings = settings.clone();
+            change(&mut settings);
+            excess(&settings, backend)
+        };
+        // What stage 7 keeps apart it does not exchange: a little light is lost where it looks far.
+        for (settings, lost) in [(&settings, 0.005), (&wide, 0.008)] {
+            let (with, energy) = of(settings, |_| {});
+            let (filled, filled_energy) = of(settings, |s| s.edge.contact = 0.0);
+            let (drawn_in, _) = of(settings, |s| s.surface.lost_footprint = 0.0);
+            println!(
+                "{with}; without the contact stop {filled}; without the footprint's {drawn_in}; light {energy}, {filled_energy}"
+            );
+            assert!(with < 0.75 * filled && with < 0.6 * drawn_in, "{with}: {filled}, {drawn_in}");
+            assert!((energy - 1.0).abs() < lost, "{energy}");
+        }
     }
 }
 

@@ -208,7 +208,7 @@ fn row<const PERSPECTIVE: bool, const GLOSS: bool>(
                             let lanes = piece.first..piece.first + piece.len;
                             let of_tap = &mut computed[..piece.len];
                             let geometry = Tap::new(view, offset.0, offset.1);
-                            weights::<PERSPECTIVE, GLOSS>(centres, piece.first, &q, &geometry, gains, of_tap);
+                            weights::<PERSPECTIVE, GLOSS, false>(centres, piece.first, &q, &geometry, gains, of_tap);
                             piece.mask(of_tap);
                             let ceiling =
                                 if filter.settings.edge.monotone { Some(&mut ceiling[lanes.clone()]) } else { None };

@@ -1,6 +1,7 @@
 //! The schedule of stages 4 and 7: tile by tile, row by row, phase by phase; every tap of a run is a run of memory.
 
-use crate::kernels::edge_cpu::{Centres, Gains, GuideRun, RUN, Run, Tap, run_length, weights};
+use crate::kernels::edge::CONTACT_STEPS;
+use crate::kernels::edge_cpu::{Centres, Gains, GuideRun, RUN, Run, Tap, closeness_to_centres, run_length, weights};
 use crate::kernels::math::three;
 use crate::kernels::spiral::{PERIOD, Spiral, SpiralShape, land};
 use crate::phased::guides::CpuGuides;
@@ -27,14 +28,19 @@ pub(crate) fn run(filter: &Filter<'_>, input: &Colours, output: &mut Colours) {
     let width = phases.size.width;
     let stride = output.stride(width);
     debug_assert!(filter.shape.taps as usize <= MOST_TAPS);
-    let kind = (filter.guides.now.view.perspective, filter.gains.reads_roughness());
+    let gains = &filter.gains;
+    let kind = (filter.guides.now.view.perspective, gains.reads_roughness(), gains.stops_at_contacts());
     rows::each(output.elements_mut(), BAND * stride, |band, out| {
         let y = band * BAND;
         dispatch!(filter.level, _simd => match kind {
-            (true, false) => rows_of::<true, false>(filter, &phases, input, y, out),
-            (true, true) => rows_of::<true, true>(filter, &phases, input, y, out),
-            (false, false) => rows_of::<false, false>(filter, &phases, input, y, out),
-            (false, true) => rows_of::<false, true>(filter, &phases, input, y, out),
+            (true, false, false) => rows_of::<true, false, false>(filter, &phases, input, y, out),
+            (true, false, true) => rows_of::<true, false, true>(filter, &phases, input, y, out),
+            (true, true, false) => rows_of::<true, true, false>(filter, &phases, input, y, out),
+            (true, true, true) => rows_of::<true, true, true>(filter, &phases, input, y, out),
+            (false, false, false) => rows_of::<false, false, false>(filter, &phases, input, y, out),
+            (false, false, true) => rows_of::<false, false, true>(filter, &phases, input, y, out),
+            (false, true, false) => rows_of::<false, true, false>(filter, &phases, input, y, out),
+            (false, true, true) => rows_of::<false, true, true>(filter, &phases, input, y, out),
         });
     });
 }
@@ -168,14 +174,15 @@ impl<'a> Pieces<'a> {
 }
 
 #[inline(always)]
-fn rows_of<const PERSPECTIVE: bool, const GLOSS: bool>(
+fn rows_of<const PERSPECTIVE: bool, const GLOSS: bool, const CONTACT: bool>(
     filter: &Filter<'_>,
     phases: &Phases,
     input: &Colours,
     first_row: usize,
     out: &mut [f32],
 ) {
-    let mut scratch = Scratch { centres: Centres::new(), computed: Weights::new(), sums: [[0.0; RUN]; 3] };
+    let mut scratch =
+        Scratch { centres: Centres::new(), computed: Weights::new(), sums: [[0.0; RUN]; 3], close: [0.0; RUN] };
     let stride = input.stride(phases.size.width);
     let length = run_length(phases.longest());
     for first in (0..phases.longest()).step_by(length) {
@@ -184,9 +191,34 @@ fn rows_of<const PERSPECTIVE: bool, const GLOSS: bool>(
                 if first < phases.count(phase) {
                     let len = length.min(phases.count(phase) - first);
                     let run = RunOf { y: first_row + k, phase, first, len };
-                    filter_run::<PERSPECTIVE, GLOSS>(filter, phases, input, run, &mut scratch, out);
+                    filter_run::<PERSPECTIVE, GLOSS, CONTACT>(filter, phases, input, run, &mut scratch, out);
                 }
             }
+        }
+    }
+}
+
+/// K of the contact stop of a run.
+#[inline(always)]
+fn find_nearest<const PERSPECTIVE: bool>(
+    filter: &Filter<'_>,
+    phases: &Phases,
+    run: RunOf,
+    centres: &mut Centres,
+    close: &mut Run,
+) {
+    let (guides, view) = (filter.guides, &filter.guides.now.view);
+    centres.nearest = [0.0; RUN];
+    for (dx, dy) in CONTACT_STEPS.into_iter().flat_map(|s| [(-s, 0), (s, 0), (0, -s), (0, s)]) {
+        let geometry = Tap::new(view, dx, dy);
+        let mut pieces = Pieces::of(phases, run, (dx, dy), OffScreen::Skip);
+        while let Some(piece) = pieces.next() {
+            let depth = guide_run(guides, piece.y, piece.at, piece.len).depth;
+            let close = &mut close[..piece.len];
+            closeness_to_centres::<PERSPECTIVE>(centres, piece.first, depth, &geometry, close);
+            piece.mask(close);
+            let nearest = &mut centres.nearest[piece.first..][..piece.len];
+            nearest.iter_mut().zip(&*close).for_each(|(k, h)| *k = if *h > *k { *h } else { *k });
         }
     }
 }
@@ -196,10 +228,12 @@ struct Scratch {
     centres: Centres,
     computed: Weights,
     sums: [Run; 3],
+    /// How close what lies in one direction is.
+    close: Run,
 }
 
 #[inline(always)]
-fn filter_run<const PERSPECTIVE: bool, const GLOSS: bool>(
+fn filter_run<const PERSPECTIVE: bool, const GLOSS: bool, const CONTACT: bool>(
     filter: &Filter<'_>,
     phases: &Phases,
     input: &Colours,
@@ -207,7 +241,7 @@ fn filter_run<const PERSPECTIVE: bool, const GLOSS: bool>(
     scratch: &mut Scratch,
     out: &mut [f32],
 ) {
-    let Scratch { centres, computed, sums } = scratch;
+    let Scratch { centres, computed, sums, close } = scratch;
     let guides = filter.guides;
     let width = phases.size.width;
     let view = &guides.now.view;
@@ -218,6 +252,9 @@ fn filter_run<const PERSPECTIVE: bool, const GLOSS: bool>(
     let p = guide_run(guides, y, y * width + begin, n);
     let x = (PERIOD * first + phase) as f32;
     centres.fill(view, &filter.gains, &p, x + 0.5 + guides.now.jitter.x, y as f32 + 0.5 + guides.now.jitter.y);
+    if CONTACT {
+        find_nearest::<PERSPECTIVE>(filter, phases, run, centres, close);
+    }
     computed.total = [1.0; RUN];
     let start = |plane: usize, sums: &mut [Run; 3]| {
         for c in 0..3 {
@@ -235,7 +272,7 @@ fn filter_run<const PERSPECTIVE: bool, const GLOSS: bool>(
             let lanes = piece.first..piece.first + piece.len;
             let of_tap = &mut computed.taps[k][lanes.clone()];
             let geometry = Tap::new(view, piece.offset.0, piece.offset.1);
-            weights::<PERSPECTIVE, GLOSS>(centres, piece.first, &q, &geometry, &filter.gains, of_tap);
+            weights::<PERSPECTIVE, GLOSS, CONTACT>(centres, piece.first, &q, &geometry, &filter.gains, of_tap);
             piece.mask(of_tap);
             let total = &mut computed.total[lanes.clone()];
             admit(tap.weight, of_tap, total, colour(&piece, 0), lanes_of(sums, lanes));

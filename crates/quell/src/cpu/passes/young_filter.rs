@@ -42,8 +42,6 @@ pub(crate) struct Filter<'a> {
     pub first: f32,
     /// Most frames that neighbours count for a pixel that has none of its own surface; 0 on other levels than the first.
     pub isolated: f32,
-    /// 1 / `contact`^2 of the contact stop; 0: no such stop.
-    pub contact: f32,
     /// The variance of luminance, in phase order, as the level before left it; `None`: level 0, or `deviations` is 0.
     pub noise: Option<&'a [f32]>,
 }
@@ -185,7 +183,7 @@ impl Contacts {
                 closeness_beyond::<PERSPECTIVE>(centres, piece.first, depths, &geometry, beyond);
                 piece.mask(beyond);
             }
-            let near = (&self.close[axis ^ 1][..], &self.beyond[..], filter.contact);
+            let near = (&self.close[axis ^ 1][..], &self.beyond[..], &filter.gains);
             let out = &mut self.stop[axis][..run.len];
             contact_stops::<PERSPECTIVE>(centres, &self.depth[axis], &geometry, near, out);
         }
@@ -261,7 +259,7 @@ fn filter_run<const PERSPECTIVE: bool, const GLOSS: bool>(
         let step = filter.step as i32;
         Pieces::of(phases, run, (dx * step, dy * step), OffScreen::Skip)
     };
-    let stops_at_contact = filter.contact > 0.0;
+    let stops_at_contact = filter.gains.stops_at_contacts();
     if stops_at_contact {
         contacts.find::<PERSPECTIVE>(filter, phases, run, centres);
     }
@@ -272,7 +270,7 @@ fn filter_run<const PERSPECTIVE: bool, const GLOSS: bool>(
             let lanes = piece.first..piece.first + piece.len;
             let of_tap = &mut of_tap[lanes.clone()];
             let geometry = Tap::new(view, piece.offset.0, piece.offset.1);
-            weights::<PERSPECTIVE, GLOSS>(centres, piece.first, &q, &geometry, &filter.gains, of_tap);
+            weights::<PERSPECTIVE, GLOSS, false>(centres, piece.first, &q, &geometry, &filter.gains, of_tap);
             piece.mask(of_tap);
             if stops_at_contact {
                 contacts.stop(offset, lanes.clone(), of_tap);

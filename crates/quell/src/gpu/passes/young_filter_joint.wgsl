@@ -20,8 +20,7 @@ fn matte_level(pixel: vec2i, step: i32, end: f32) {
     is_beside = looks_for_change(settings.matte_blend);
     if contains(pixel) {
         let share = young_share(pixel, end, 1.0);
-        let young = settings.young;
-        let filtered = young_filter(pixel, settings.matte_edge, step, share, young.matte_contrast, young.contact);
+        let filtered = young_filter(pixel, settings.matte_edge, step, share, settings.young.matte_contrast);
         textureStore(output, pixel, vec4f(stored_colour(filtered.colour), textureLoad(pass_input, pixel, 0).w));
     }
 }
@@ -31,7 +30,7 @@ fn glossy_level(pixel: vec2i, step: i32, end: f32) {
     if contains(pixel) {
         let gain = settings.young.lobe * LOBE_SPREAD * frame.view.focal_px;
         let share = young_share(pixel, end, young_lobe(pixel, gain, step));
-        let filtered = young_filter(pixel, settings.glossy_edge, step, share, settings.young.glossy_contrast, 0.0);
+        let filtered = young_filter(pixel, settings.glossy_edge, step, share, settings.young.glossy_contrast);
         textureStore(output, pixel, vec4f(stored_colour(filtered.colour), textureLoad(pass_input, pixel, 0).w));
     }
 }

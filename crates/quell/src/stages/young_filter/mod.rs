@@ -6,7 +6,7 @@
 //! | writes | the same, level by level |
 //! | reach | 3^i pixels in level i, i = 0, 1, 2; of the depths for the contact stop, twice that |
 //! | equation | out = (N_p c_p + sum_q s w_pq N_q c_q) / (N_p + sum_q s w_pq N_q) over the eight q whose offsets are -3^i, 0 or 3^i along both axes |
-//! | edge stops | w_pq of `kernels/edge.rs`, for the glossy signal with gloss, for the matte one where `contact` is above 0 times the contact stop of that file |
+//! | edge stops | w_pq of `kernels/edge.rs`, for the glossy signal with gloss, for the matte one where `edge.contact` is above 0 times the contact stop of that file |
 //! | first luminance stop | at level 0, where the signal's contrast C (`matte_contrast`, `glossy_contrast`) is above 0: w_pq times max(0, 1 - (l_p - l_q)^2 / (C^2 m^2 (1 / N_p + 1 / N_q) + e^2 (l_p + l_q)^2))^2, l the input's luminance, m = (l_p + l_q) / 2, e = 0.004; what it takes from a neighbour's weight goes to c_p |
 //! | luminance stop | from level 1 on, where `deviations` K is above 0: w_pq times max(0, 1 - (l_p - l_q)^2 / (K^2 (v_p + v_q) + e^2 (l_p + l_q)^2))^2 (Tukey's biweight), v the variance of l's noise |
 //! | noise | v' = sum_q u_q^2 v_q / (sum_q u_q)^2, u the weights of the mean; at level 0 v_q = S / N_q, S the variance of one frame's light: (n / (n - 1)) sum_q w_q N_q (l_q - m)^2 / sum_q w_q, m the mean of l with weights w N, n = (sum w)^2 / sum w^2, w here without the first stop; N_p l_p^2 where n is under 1.5 |
@@ -36,7 +36,7 @@ use crate::frame::Signal;
 use crate::reach::Reach;
 #[cfg(feature = "gpu")]
 use crate::settings::Settings;
-use crate::settings::YoungFilter;
+use crate::settings::{Edge, YoungFilter};
 use crate::stages::glossy_bilateral::LOBE_SPREAD;
 
 /// Levels.
@@ -67,8 +67,8 @@ pub(crate) fn last_before_blend(s: &Settings) -> Option<usize> {
 }
 
 /// How far a level looks.
-pub(crate) fn reach(s: &YoungFilter, signal: Signal, level: u32) -> Reach {
-    let beyond = if contact(s, signal) > 0.0 { 2 } else { 1 };
+pub(crate) fn reach(edge: &Edge, signal: Signal, level: u32) -> Reach {
+    let beyond = if signal == Signal::Matte && edge.contact > 0.0 { 2 } else { 1 };
     Reach::around(beyond * step_px(level))
 }
 
@@ -129,14 +129,6 @@ pub(crate) fn contrast(s: &YoungFilter, signal: Signal) -> f32 {
     match signal {
         Signal::Matte => s.matte_contrast,
         Signal::Glossy => s.glossy_contrast,
-    }
-}
-
-/// a: the closeness from which a pair of the signal counts nothing; 0: no contact stop.
-pub(crate) fn contact(s: &YoungFilter, signal: Signal) -> f32 {
-    match signal {
-        Signal::Matte => s.contact,
-        Signal::Glossy => 0.0,
     }
 }
 

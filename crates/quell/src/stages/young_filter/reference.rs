@@ -1,6 +1,6 @@
 //! The specification of the filter of young history.
 
-use super::{LEAST_NEIGHBOURS, Lobe, contact, contrast, counted, ends, fade, prior, step_px, stop};
+use super::{LEAST_NEIGHBOURS, Lobe, contrast, counted, ends, fade, prior, step_px, stop};
 use crate::border::Guides;
 use crate::frame::{Rgb, Signal};
 use crate::kernels::edge::{EdgeStops, closeness, contact_stop};
@@ -60,7 +60,7 @@ pub fn run(input: Input<'_>, guides: &Guides, settings: &Settings, signal: Signa
     let contrast = contrast(young, signal);
     let first = (level == 0 && contrast > 0.0).then_some(contrast * contrast);
     let length = |(x, y): (usize, usize)| counted(input.length.at(x, y), young.frames);
-    let contact = contact(young, signal);
+    let contact = stops.contact;
     // How close what lies (dx, dy) from a pixel is to it.
     let close = |(x, y): (usize, usize), (dx, dy): (isize, isize), normal: Vec3| {
         let (rx, ry) = (x as isize + dx, y as isize + dy);

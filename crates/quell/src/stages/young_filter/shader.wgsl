@@ -44,18 +44,6 @@ fn young_prior(p: f32, p_frames: f32, q: f32, q_frames: f32) -> f32 {
     return mean * mean * ((p_frames + q_frames) / (p_frames * q_frames));
 }
 
-// How close what a pixel shows is to a point with a tangent plane: 0 beyond the picture, and background.
-fn young_closeness(centre: vec3f, normal: vec3f, r: vec2i) -> f32 {
-    if !contains(r) {
-        return 0.0;
-    }
-    let depth = depth_at(r);
-    if depth == BACKGROUND {
-        return 0.0;
-    }
-    return closeness(world(frame.view, sample_position(r), depth) - centre, normal);
-}
-
 // The contact stop along an axis.
 fn young_contact(pixel: vec2i, p: Surface, axis: vec2i, contact: f32) -> f32 {
     let q = pixel + axis;
@@ -67,15 +55,15 @@ fn young_contact(pixel: vec2i, p: Surface, axis: vec2i, contact: f32) -> f32 {
         return 1.0;
     }
     let there = world(frame.view, sample_position(q), depth);
-    let to_p = young_closeness(p.position, p.normal, pixel - axis);
-    let to_q = young_closeness(there, p.normal, q + axis);
+    let to_p = closeness_at(p.position, p.normal, pixel - axis);
+    let to_q = closeness_at(there, p.normal, q + axis);
     return contact_stop(there - p.position, max(to_p, to_q), contact);
 }
 
 // A level whose taps lie `step` pixels apart, at one pixel. The first finds the noise, also where it filters nothing,
 // and stops by `contrast`, where that is above 0;
-// all stop at contacts, where `contact` is.
-fn young_filter(pixel: vec2i, stops: EdgeStops, step: i32, share: f32, contrast: f32, contact: f32) -> Young {
+// all stop at contacts, where that stop has one.
+fn young_filter(pixel: vec2i, stops: EdgeStops, step: i32, share: f32, contrast: f32) -> Young {
     let own = young_light(pixel);
     let centre = young_colour(pixel, own);
     let p = surface_of(pixel);
@@ -105,11 +93,11 @@ fn young_filter(pixel: vec2i, stops: EdgeStops, step: i32, share: f32, contrast:
     var others_squares = vec2f(0.0);
     var stops_across = vec3f(1.0);
     var stops_down = vec3f(1.0);
-    if contact > 0.0 {
-        stops_across.x = young_contact(pixel, p, vec2i(-step, 0), contact);
-        stops_across.z = young_contact(pixel, p, vec2i(step, 0), contact);
-        stops_down.x = young_contact(pixel, p, vec2i(0, -step), contact);
-        stops_down.z = young_contact(pixel, p, vec2i(0, step), contact);
+    if stops.contact > 0.0 {
+        stops_across.x = young_contact(pixel, p, vec2i(-step, 0), stops.contact);
+        stops_across.z = young_contact(pixel, p, vec2i(step, 0), stops.contact);
+        stops_down.x = young_contact(pixel, p, vec2i(0, -step), stops.contact);
+        stops_down.z = young_contact(pixel, p, vec2i(0, step), stops.contact);
     }
     for (var dy = -1; dy <= 1; dy++) {
         for (var dx = -1; dx <= 1; dx++) {
