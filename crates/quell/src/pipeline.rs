@@ -22,6 +22,8 @@ pub enum Stage {
     MatteYoung3,
     /// Its level 2, of taps 9 pixels apart.
     MatteYoung9,
+    /// Its level 3, of taps 27 pixels apart.
+    MatteYoung27,
     /// Stage 4.
     MattePrefilter,
     /// Stage 5.
@@ -52,11 +54,12 @@ pub enum Stage {
 
 impl Stage {
     /// All stages in the order of the paper.
-    pub const ALL: [Self; 17] = [
+    pub const ALL: [Self; 18] = [
         Self::MatteTemporal,
         Self::MatteYoung1,
         Self::MatteYoung3,
         Self::MatteYoung9,
+        Self::MatteYoung27,
         Self::MattePrefilter,
         Self::Disocclusion,
         Self::Firefly,
@@ -79,6 +82,7 @@ impl Stage {
             Self::MatteYoung1 => "matte_young_1",
             Self::MatteYoung3 => "matte_young_3",
             Self::MatteYoung9 => "matte_young_9",
+            Self::MatteYoung27 => "matte_young_27",
             Self::MattePrefilter => "matte_prefilter",
             Self::Disocclusion => "disocclusion",
             Self::Firefly => "firefly",
@@ -102,6 +106,7 @@ impl Stage {
             Self::MatteYoung1 => "Young Matte, 1 px",
             Self::MatteYoung3 => "Young Matte, 3 px",
             Self::MatteYoung9 => "Young Matte, 9 px",
+            Self::MatteYoung27 => "Young Matte, 27 px",
             Self::GlossyYoung1 => "Young Glossy, 1 px",
             Self::GlossyYoung3 => "Young Glossy, 3 px",
             Self::GlossyYoung9 => "Young Glossy, 9 px",
@@ -127,6 +132,7 @@ impl Stage {
             Self::MatteYoung3 => young_filter::reach(&s.edge, Signal::Matte, 1),
             Self::GlossyYoung3 => young_filter::reach(&s.edge, Signal::Glossy, 1),
             Self::MatteYoung9 => young_filter::reach(&s.edge, Signal::Matte, 2),
+            Self::MatteYoung27 => young_filter::reach(&s.edge, Signal::Matte, 3),
             Self::GlossyYoung9 => young_filter::reach(&s.edge, Signal::Glossy, 2),
             Self::MattePrefilter => matte_prefilter::reach(s, rows),
             Self::Disocclusion => disocclusion::reach(&s.disocclusion),
@@ -155,6 +161,7 @@ impl Stage {
             Self::MatteYoung1
             | Self::MatteYoung3
             | Self::MatteYoung9
+            | Self::MatteYoung27
             | Self::GlossyYoung1
             | Self::GlossyYoung3
             | Self::GlossyYoung9
@@ -170,6 +177,7 @@ impl Stage {
             Self::MatteYoung1 => Some((Signal::Matte, 0)),
             Self::MatteYoung3 => Some((Signal::Matte, 1)),
             Self::MatteYoung9 => Some((Signal::Matte, 2)),
+            Self::MatteYoung27 => Some((Signal::Matte, 3)),
             Self::GlossyYoung1 => Some((Signal::Glossy, 0)),
             Self::GlossyYoung3 => Some((Signal::Glossy, 1)),
             Self::GlossyYoung9 => Some((Signal::Glossy, 2)),
@@ -192,6 +200,7 @@ pub enum Image {
     MatteYoung1,
     MatteYoung3,
     MatteYoung9,
+    MatteYoung27,
     MattePrefiltered,
     MatteBlended,
     MatteFloored,
@@ -228,6 +237,7 @@ impl Image {
             Self::MatteYoung1 => "matte young 1",
             Self::MatteYoung3 => "matte young 3",
             Self::MatteYoung9 => "matte young 9",
+            Self::MatteYoung27 => "matte young 27",
             Self::MattePrefiltered => "matte prefiltered",
             Self::MatteBlended => "matte blended",
             Self::MatteFloored => "matte blended with floor",
@@ -354,13 +364,13 @@ impl Steps {
 }
 
 /// The levels of `young_filter` and what they write, finest first.
-type YoungLevels = [(Stage, Image); young_filter::LEVELS];
-const MATTE_YOUNG: YoungLevels = [
+const MATTE_YOUNG: &[(Stage, Image)] = &[
     (Stage::MatteYoung1, Image::MatteYoung1),
     (Stage::MatteYoung3, Image::MatteYoung3),
     (Stage::MatteYoung9, Image::MatteYoung9),
+    (Stage::MatteYoung27, Image::MatteYoung27),
 ];
-const GLOSSY_YOUNG: YoungLevels = [
+const GLOSSY_YOUNG: &[(Stage, Image)] = &[
     (Stage::GlossyYoung1, Image::GlossyYoung1),
     (Stage::GlossyYoung3, Image::GlossyYoung3),
     (Stage::GlossyYoung9, Image::GlossyYoung9),
@@ -369,8 +379,8 @@ const GLOSSY_YOUNG: YoungLevels = [
 /// The levels that a history of one frame needs; the last one's output.
 fn young_steps(steps: &mut Steps, settings: &Settings, signal: Signal, input: Image) -> Image {
     let (levels, length) = match signal {
-        Signal::Matte => (&MATTE_YOUNG, Image::MatteConfidence),
-        Signal::Glossy => (&GLOSSY_YOUNG, Image::GlossyConfidence),
+        Signal::Matte => (MATTE_YOUNG, Image::MatteConfidence),
+        Signal::Glossy => (GLOSSY_YOUNG, Image::GlossyConfidence),
     };
     let ends = young_filter::ends(&settings.young_filter, signal);
     let acting = levels.iter().zip(ends).filter(|(_, end)| *end > 1.0);

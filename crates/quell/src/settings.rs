@@ -222,7 +222,13 @@ parameters! {
             source "ours; SVGF (Schied et al. 2017) filters in space below 4 frames";
         falloff: f32 = 0.5, 0.01..=1.0, "of the level before's frames", "When the levels of 3 and 9 pixels fade out.",
             higher "Wider for longer.", lower "Narrower earlier.", source "ours: `docs/quality.md`";
-        matte_stays: bool = false, (), "", "The matte levels do not fade out; `deviations` should be above 0.",
+        matte_levels: u32 = 3, 0..=4, "", "Levels of the matte signal; their taps lie 1, 3, 9 and 27 pixels apart.",
+            higher "First frames are smoother, and flatter.", lower "They are noisier.", source "ours: `docs/quality.md`";
+        glossy_levels: u32 = 3, 0..=3, "", "Levels of the glossy signal: 1, 3 and 9 pixels.",
+            higher "First reflections on rough surfaces are smoother.", lower "Faster.", source "ours: `docs/quality.md`";
+        wide_frames: f32 = 12.0, 0.0..=256.0, "frames", "History length at which the matte level of 27 pixels has faded out, with `matte_stays` too; at most 1: there is no such level.",
+            higher "Smoother and flatter for longer.", lower "Sharper and noisier earlier.", source "ours: `docs/quality.md`";
+        matte_stays: bool = false, (), "", "The first three matte levels do not fade out; `deviations` should be above 0.",
             higher "What matures stays smooth: the luminance stop closes as the noise falls.", lower "Levels fade out as history grows.",
             source "ours: `docs/quality.md`";
         lobe: f32 = 1.0, 0.0..=64.0, "of the lobe's footprint", "Glossy only: a level fades out where its taps lie farther apart than this.",
@@ -240,6 +246,8 @@ parameters! {
         glossy_contrast: f32 = 0.0, 0.0..=64.0, "of the mean, for one frame", "The same for the glossy signal.",
             higher "Lamps in mirrors leak into the pixels beside them.", lower "Reflections are noisier at first.",
             source "ours: `docs/quality.md`";
+        contact_noise: f32 = 0.0, 0.0..=64.0, "of the squared mean of a pair", "Variance of a pair's difference in luminance from which the contact stop is off; 0: it acts whatever the noise.",
+            higher "Contact shadows from the first frames on, and noisy corners.", lower "Smooth corners, whose shadows come later.", source "ours: `docs/quality.md`";
         isolated: f32 = 0.0, 0.0..=64.0, "frames", "First level: as far as the weights of the eight neighbours add up to less than 1, all of them count, whatever surface they show, by up to this many frames less the pixel's own.",
             higher "Wires and leaves take the light of what is around them while their history is short.", lower "They keep the noise of their few paths.",
             source "ours: `docs/quality.md`";
@@ -450,12 +458,16 @@ impl Settings {
                 glossy: true,
                 frames: 64.0,
                 falloff: 0.4,
+                matte_levels: 4,
+                glossy_levels: 2,
+                wide_frames: 12.0,
                 matte_stays: true,
                 lobe: 0.1,
                 least_lobe: 0.005,
                 deviations: 4.5,
                 matte_contrast: 8.0,
                 glossy_contrast: 6.0,
+                contact_noise: 1.0,
                 isolated: 1.5,
             },
             surface: SurfaceSettings { lost_footprint: 0.5, ..SurfaceSettings::default() },

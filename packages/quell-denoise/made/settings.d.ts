@@ -68,7 +68,13 @@ export interface Settings {
   "young_filter.frames"?: number;
   /** When the levels of 3 and 9 pixels fade out. From 0.01 to 1, of the level before's frames. Preset paper: 0.5. */
   "young_filter.falloff"?: number;
-  /** The matte levels do not fade out; `deviations` should be above 0. Preset paper: false. */
+  /** Levels of the matte signal; their taps lie 1, 3, 9 and 27 pixels apart. From 0 to 4. Preset paper: 3. */
+  "young_filter.matte_levels"?: number;
+  /** Levels of the glossy signal: 1, 3 and 9 pixels. From 0 to 3. Preset paper: 3. */
+  "young_filter.glossy_levels"?: number;
+  /** History length at which the matte level of 27 pixels has faded out, with `matte_stays` too; at most 1: there is no such level. From 0 to 256, frames. Preset paper: 12. */
+  "young_filter.wide_frames"?: number;
+  /** The first three matte levels do not fade out; `deviations` should be above 0. Preset paper: false. */
   "young_filter.matte_stays"?: boolean;
   /** Glossy only: a level fades out where its taps lie farther apart than this. From 0 to 64, of the lobe's footprint. Preset paper: 1. */
   "young_filter.lobe"?: number;
@@ -80,6 +86,8 @@ export interface Settings {
   "young_filter.matte_contrast"?: number;
   /** The same for the glossy signal. From 0 to 64, of the mean, for one frame. Preset paper: 0. */
   "young_filter.glossy_contrast"?: number;
+  /** Variance of a pair's difference in luminance from which the contact stop is off; 0: it acts whatever the noise. From 0 to 64, of the squared mean of a pair. Preset paper: 0. */
+  "young_filter.contact_noise"?: number;
   /** First level: as far as the weights of the eight neighbours add up to less than 1, all of them count, whatever surface they show, by up to this many frames less the pixel's own. From 0 to 64, frames. Preset paper: 0. */
   "young_filter.isolated"?: number;
   /** Kz: fall of the weight with the distance in depth from the tangent plane. From 0 to 1000, per relative depth. Preset paper: 5. */

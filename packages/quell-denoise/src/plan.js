@@ -20,11 +20,14 @@ class Steps {
 
 /** Twin of `ends` in crates/quell/src/stages/young_filter/mod.rs: pixels between taps, and the history length that ends the level. */
 export function youngEnds(settings, signal) {
-  if (signal === "matte" && settings["young_filter.matte_stays"]) return [[1, 1e9], [3, 1e9], [9, 1e9]];
+  const isMatte = signal === "matte";
   const end1 = f(settings["young_filter.frames"]);
   const falloff = f(settings["young_filter.falloff"]);
   const end3 = f(end1 * falloff);
-  return [[1, end1], [3, end3], [9, f(end3 * falloff)]];
+  const ends = isMatte && settings["young_filter.matte_stays"] ? [1e9, 1e9, 1e9] : [end1, end3, f(end3 * falloff)];
+  ends.push(isMatte && ends[2] > 1 ? f(settings["young_filter.wide_frames"]) : 0);
+  const levels = settings[`young_filter.${signal}_levels`];
+  return ends.map((end, level) => [3 ** level, level < levels ? end : 0]);
 }
 
 /** The levels of the filter of young history that a history of one frame needs; the last one's output. */

@@ -126,6 +126,9 @@ fn choices() -> Vec<(Changes, [bool; 2], bool)> {
         changes.extend([("pipeline.feedback", feedback), ("firefly.input", input), ("young_filter.matte", young[0])]);
         changes.extend([("young_filter.frames", young[1]), ("young_filter.falloff", young[2])]);
         changes.push(("young_filter.glossy", if young_glossy { "on" } else { "off" }));
+        changes.push(("young_filter.matte_levels", ["3", "4", "4", "2", "1"][all.len() % 5]));
+        changes.push(("young_filter.glossy_levels", ["3", "2", "1"][all.len() % 3]));
+        changes.push(("young_filter.wide_frames", if all.len() % 7 == 0 { "1" } else { "9.5" }));
         // Stage 8 compares hit distances in every third.
         changes.push(("glossy_temporal.mirror_roughness", if all.len() % 3 == 0 { "0.03" } else { "0" }));
         changes.push(("glossy_temporal.virtual_reprojection", if all.len() % 5 == 0 { "off" } else { "on" }));
@@ -279,6 +282,10 @@ fn cases() -> Vec<(Size, Changes)> {
                 ("edge.monotone", "on"),
                 ("edge.matte_gloss", "0.3"),
                 ("young_filter.frames", "23.7"),
+                ("young_filter.matte_levels", "4"),
+                ("young_filter.glossy_levels", "2"),
+                ("young_filter.wide_frames", "9.3"),
+                ("young_filter.contact_noise", "0.7"),
                 ("young_filter.falloff", "0.37"),
                 ("young_filter.lobe", "0.7"),
                 ("young_filter.least_lobe", "0.3"),

@@ -319,6 +319,7 @@ impl Cpu {
             Stage::MatteYoung1
             | Stage::MatteYoung3
             | Stage::MatteYoung9
+            | Stage::MatteYoung27
             | Stage::GlossyYoung1
             | Stage::GlossyYoung3
             | Stage::GlossyYoung9 => self.young(step, settings, guides, &input, &mut output),
@@ -378,7 +379,8 @@ impl Cpu {
         let pixels = self.phases.size.pixels();
         let [mut before, mut after] = std::mem::take(&mut self.noise);
         let stops = s.deviations > 0.0;
-        if stops && level as usize + 1 < young::LEVELS {
+        let hands_on = young::hands_on(s, signal, level);
+        if hands_on {
             after.resize(pixels, 0.0);
         }
         let filter = young_filter::Filter {
@@ -393,9 +395,10 @@ impl Cpu {
             squared: s.deviations * s.deviations,
             first: if level == 0 { young::contrast(s, signal).powi(2) } else { 0.0 },
             isolated: if level == 0 { s.isolated } else { 0.0 },
+            contact_noise: if s.contact_noise > 0.0 { 1.0 / s.contact_noise } else { 0.0 },
             noise: (stops && level > 0).then_some(before.as_slice()).filter(|noise| noise.len() == pixels),
         };
-        let left = (stops && level as usize + 1 < young::LEVELS).then_some(after.as_mut_slice());
+        let left = hands_on.then_some(after.as_mut_slice());
         young_filter::run(&filter, input, output, left);
         std::mem::swap(&mut before, &mut after);
         self.noise = [before, after];
@@ -523,12 +526,13 @@ fn reads(step: &Step, image: Image) -> bool {
 }
 
 /// Images that hold colours.
-const ALL_IMAGES: [Image; 18] = [
+const ALL_IMAGES: [Image; 19] = [
     Image::MatteInput,
     Image::MatteTemporal,
     Image::MatteYoung1,
     Image::MatteYoung3,
     Image::MatteYoung9,
+    Image::MatteYoung27,
     Image::MattePrefiltered,
     Image::MatteBlended,
     Image::MatteFloored,

@@ -45,6 +45,7 @@ pub fn bytes_per_pixel(plan: &Plan, settings: &Settings, stage: Stage) -> Option
         Stage::MatteYoung1
         | Stage::MatteYoung3
         | Stage::MatteYoung9
+        | Stage::MatteYoung27
         | Stage::GlossyYoung1
         | Stage::GlossyYoung3
         | Stage::GlossyYoung9 => filtered + SCALAR,
@@ -79,6 +80,7 @@ mod tests {
         let mut settings = Settings::default();
         settings.young_filter.matte = true;
         settings.young_filter.glossy = true;
+        settings.young_filter.matte_levels = 4;
         let plan = Plan::new(&settings, Inputs::ALL);
         let of = |plan: &Plan, settings: &Settings, stage| bytes_per_pixel(plan, settings, stage);
         // Signal in and out, depth, normal, identity, roughness.

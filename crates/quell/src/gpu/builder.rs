@@ -134,6 +134,7 @@ impl<'a> Builder<'a> {
                     Stage::MatteYoung1
                     | Stage::MatteYoung3
                     | Stage::MatteYoung9
+                    | Stage::MatteYoung27
                     | Stage::GlossyYoung1
                     | Stage::GlossyYoung3
                     | Stage::GlossyYoung9 => {
@@ -141,6 +142,7 @@ impl<'a> Builder<'a> {
                             Stage::MatteYoung1 => Pass::MATTE_YOUNG_1_JOINT,
                             Stage::MatteYoung3 => Pass::MATTE_YOUNG_3_JOINT,
                             Stage::MatteYoung9 => Pass::MATTE_YOUNG_9_JOINT,
+                            Stage::MatteYoung27 => Pass::MATTE_YOUNG_27_JOINT,
                             Stage::GlossyYoung1 => Pass::GLOSSY_YOUNG_1_JOINT,
                             Stage::GlossyYoung3 => Pass::GLOSSY_YOUNG_3_JOINT,
                             _ => Pass::GLOSSY_YOUNG_9_JOINT,
@@ -234,6 +236,7 @@ impl<'a> Builder<'a> {
             Stage::MatteYoung1
             | Stage::MatteYoung3
             | Stage::MatteYoung9
+            | Stage::MatteYoung27
             | Stage::GlossyYoung1
             | Stage::GlossyYoung3
             | Stage::GlossyYoung9 => {

@@ -101,6 +101,7 @@ const fn young(stage: Stage, name: &'static str) -> Pass {
     let stages: &[Stage] = match stage {
         Stage::MatteYoung3 => &[Stage::MatteYoung3],
         Stage::MatteYoung9 => &[Stage::MatteYoung9],
+        Stage::MatteYoung27 => &[Stage::MatteYoung27],
         Stage::GlossyYoung1 => &[Stage::GlossyYoung1],
         Stage::GlossyYoung3 => &[Stage::GlossyYoung3],
         Stage::GlossyYoung9 => &[Stage::GlossyYoung9],
@@ -245,6 +246,8 @@ impl Pass {
     pub const MATTE_YOUNG_3: Self = young(Stage::MatteYoung3, "matte_young_3");
     /// Level 2 of the filter of young history, matte signal.
     pub const MATTE_YOUNG_9: Self = young(Stage::MatteYoung9, "matte_young_9");
+    /// Level 3 of the filter of young history, matte signal.
+    pub const MATTE_YOUNG_27: Self = young(Stage::MatteYoung27, "matte_young_27");
     /// Level 0 of the filter of young history, glossy signal.
     pub const GLOSSY_YOUNG_1: Self = young(Stage::GlossyYoung1, "glossy_young_1");
     /// Level 1 of the filter of young history, glossy signal.
@@ -499,6 +502,8 @@ impl Pass {
     pub const MATTE_YOUNG_3_JOINT: Self = young_joint(Stage::MatteYoung3, "matte_young_3_joint");
     /// Level 2 of the filter of young history for a plane that is tied to the matte signal.
     pub const MATTE_YOUNG_9_JOINT: Self = young_joint(Stage::MatteYoung9, "matte_young_9_joint");
+    /// Level 3 of the filter of young history for a plane that is tied to the matte signal.
+    pub const MATTE_YOUNG_27_JOINT: Self = young_joint(Stage::MatteYoung27, "matte_young_27_joint");
     /// Level 0 of the filter of young history for a plane that is tied to the glossy signal.
     pub const GLOSSY_YOUNG_1_JOINT: Self = young_joint(Stage::GlossyYoung1, "glossy_young_1_joint");
     /// Level 1 of the filter of young history for a plane that is tied to the glossy signal.
@@ -558,6 +563,7 @@ impl Pass {
             Stage::MatteYoung1 => Self::MATTE_YOUNG_1,
             Stage::MatteYoung3 => Self::MATTE_YOUNG_3,
             Stage::MatteYoung9 => Self::MATTE_YOUNG_9,
+            Stage::MatteYoung27 => Self::MATTE_YOUNG_27,
             Stage::GlossyYoung1 => Self::GLOSSY_YOUNG_1,
             Stage::GlossyYoung3 => Self::GLOSSY_YOUNG_3,
             Stage::GlossyYoung9 => Self::GLOSSY_YOUNG_9,

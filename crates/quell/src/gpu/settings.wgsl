@@ -62,6 +62,7 @@ struct YoungSettings {
     end_1: f32,
     end_3: f32,
     end_9: f32,
+    end_27: f32,
     glossy_end_1: f32,
     glossy_end_3: f32,
     glossy_end_9: f32,
@@ -72,6 +73,8 @@ struct YoungSettings {
     // Of the first level's luminance stop; 0: none.
     matte_contrast: f32,
     glossy_contrast: f32,
+    // Relative variance of a pair's difference from which the contact stop is off; 0: it always acts.
+    contact_noise: f32,
     isolated: f32,
     // Pixels between the taps of the matte level that hands the confidence on; 0: none does.
     last: i32,

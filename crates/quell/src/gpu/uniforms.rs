@@ -99,6 +99,7 @@ uniforms! {
         end_1: f32,
         end_3: f32,
         end_9: f32,
+        end_27: f32,
         glossy_end_1: f32,
         glossy_end_3: f32,
         glossy_end_9: f32,
@@ -107,6 +108,7 @@ uniforms! {
         deviations: f32,
         matte_contrast: f32,
         glossy_contrast: f32,
+        contact_noise: f32,
         isolated: f32,
         last: u32,
     }
@@ -453,13 +455,14 @@ fn surface(s: &SurfaceSettings) -> Surface {
 
 fn young(settings: &Settings) -> Young {
     let s = &settings.young_filter;
-    let [end_1, end_3, end_9] = young_filter::ends(s, Signal::Matte);
-    let [glossy_end_1, glossy_end_3, glossy_end_9] = young_filter::ends(s, Signal::Glossy);
+    let [end_1, end_3, end_9, end_27] = young_filter::ends(s, Signal::Matte);
+    let [glossy_end_1, glossy_end_3, glossy_end_9, _] = young_filter::ends(s, Signal::Glossy);
     Young {
         frames: s.frames,
         end_1,
         end_3,
         end_9,
+        end_27,
         glossy_end_1,
         glossy_end_3,
         glossy_end_9,
@@ -468,6 +471,7 @@ fn young(settings: &Settings) -> Young {
         deviations: s.deviations,
         matte_contrast: s.matte_contrast,
         glossy_contrast: s.glossy_contrast,
+        contact_noise: s.contact_noise,
         isolated: s.isolated,
         last: young_filter::last_before_blend(settings).unwrap_or(0) as u32,
     }

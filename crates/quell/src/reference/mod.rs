@@ -222,6 +222,7 @@ impl Reference {
             Stage::MatteYoung1
             | Stage::MatteYoung3
             | Stage::MatteYoung9
+            | Stage::MatteYoung27
             | Stage::GlossyYoung1
             | Stage::GlossyYoung3
             | Stage::GlossyYoung9 => {

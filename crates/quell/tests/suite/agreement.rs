@@ -259,6 +259,34 @@ fn every_stage_alone_agrees() {
             WEIGHTS,
         ),
         (
+            "young, contact, noise",
+            [
+                TEMPORAL,
+                &[
+                    ("young_filter.matte", "on"),
+                    ("edge.contact", "0.5"),
+                    ("young_filter.contact_noise", "2"),
+                    ("young_filter.deviations", "3"),
+                ],
+            ]
+            .concat(),
+            WEIGHTS,
+        ),
+        (
+            "young, wide",
+            [
+                TEMPORAL,
+                &[
+                    ("young_filter.matte", "on"),
+                    ("young_filter.matte_levels", "4"),
+                    ("young_filter.wide_frames", "3.5"),
+                    ("young_filter.deviations", "6"),
+                ],
+            ]
+            .concat(),
+            WEIGHTS,
+        ),
+        (
             "young, isolated",
             [
                 TEMPORAL,
@@ -386,6 +414,8 @@ fn a_dropped_tap_or_weight_is_seen() {
         ("young_filter.falloff", "0.45", "young_filter.glossy"),
         ("young_filter.deviations", "2.5", "young_filter.matte"),
         ("young_filter.matte_stays", "on", "young_filter.matte"),
+        ("young_filter.matte_levels", "4", "young_filter.matte"),
+        ("young_filter.glossy_levels", "2", "young_filter.glossy"),
         ("matte_prefilter.taps", "23", "matte_prefilter.enabled"),
         ("matte_bilateral.taps", "23", "matte_bilateral.enabled"),
         ("glossy_bilateral.sigma", "0.7", "glossy_bilateral.enabled"),

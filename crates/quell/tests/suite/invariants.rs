@@ -172,25 +172,33 @@ fn history_stays_long_where_light_rests() {
 #[test]
 fn what_was_uncovered_takes_light_from_what_is_known() {
     // A wall whose left half the host distrusts in the last frame: its light comes from the right one, at once.
-    let size = Size::new(64, 40);
+    let size = Size::new(192, 40);
     let scene = wall(still, Noise::Sparse(0.1));
-    let settings = Settings::preset(Preset::Quality);
-    for backend in BACKENDS {
+    let spread = |levels: u32, backend: Backend| {
+        let mut settings = Settings::preset(Preset::Quality);
+        settings.young_filter.matte_levels = levels;
         let mut denoiser = Denoiser::with_backend(size, &settings, backend).unwrap();
         let mut spread = [0.0f64; 2];
         for i in 0..40 {
             let mut frame = scene.frame(size, i);
             if i == 39 {
-                frame.confidence_in = Some(Plane::from_fn(size, |x, _| if x < 32 { 0.0 } else { 1.0 }));
+                frame.confidence_in = Some(Plane::from_fn(size, |x, _| if x < 96 { 0.0 } else { 1.0 }));
             }
             let matte = denoise(&mut denoiser, &frame).matte.unwrap();
-            // One pixel into the left half, its neighbours three pixels on are known; and deep inside, none are.
-            spread = [28, 8].map(|x| {
+            // Where neighbours nine pixels on are known; and deep inside, none are.
+            spread = [92, 8].map(|x| {
                 let column = (4..36).map(|y| f64::from(matte.at(x, y)[0]));
                 (column.map(|v| (v - 0.5).powi(2)).sum::<f64>() / 32.0).sqrt()
             });
         }
-        assert!(spread[0] < 0.6 * spread[1], "{spread:?}");
+        spread
+    };
+    for backend in BACKENDS {
+        let [narrow, wide] = [3, 4].map(|levels| spread(levels, backend));
+        println!("{narrow:?}; with the widest level {wide:?}");
+        assert!(narrow[0] < 0.6 * narrow[1], "{narrow:?}");
+        // The widest level serves what nothing near is known of.
+        assert!(wide[1] < 0.6 * narrow[1] && wide[0] < 1.1 * narrow[0], "{narrow:?}, {wide:?}");
     }
 }
 
@@ -1493,6 +1501,7 @@ fn trials() -> Vec<(&'static str, Settings, Vec<FrameBuf>)> {
     let mut young = paper();
     (young.young_filter.matte, young.young_filter.glossy) = (true, true);
     young.young_filter.lobe = 0.1;
+    (young.young_filter.matte_levels, young.edge.contact) = (4, 0.5);
     // Every difference between the means counts, and part of history stays.
     let mut changing = paper();
     (changing.changed_light.matte, changing.changed_light.glossy) = (true, true);

@@ -15,7 +15,8 @@ use crate::simd::dispatch;
 use crate::stages::matte_prefilter::cpu::{gather, invert};
 use crate::stages::young_filter::Lobe;
 use crate::stages::young_filter::cpu::{
-    Others, Spread, alike, by_frames, divide, finish, lacking, luminances, refuse, shares, varied, vary,
+    Others, Spread, alike, by_frames, contact_by_noise, contact_by_prior, divide, finish, lacking, luminances, refuse,
+    shares, varied, vary,
 };
 use fearless_simd::Level;
 use std::ops::Range;
@@ -42,9 +43,24 @@ pub(crate) struct Filter<'a> {
     pub first: f32,
     /// Most frames that neighbours count for a pixel that has none of its own surface; 0 on other levels than the first.
     pub isolated: f32,
+    /// One over `contact_noise`; 0: the contact stop acts whatever the noise.
+    pub contact_noise: f32,
     /// The variance of luminance, in phase order, as the level before left it; `None`: level 0, or `deviations` is 0.
     pub noise: Option<&'a [f32]>,
 }
+
+impl Filter<'_> {
+    /// Whether this level acts on any of these pixels of a row and phase, as far as their history decides.
+    #[inline(always)]
+    fn has_young(&self, phases: &Phases, y: usize, phase: usize, pixels: Range<usize>) -> bool {
+        let begin = y * phases.size.width + phases.range(phase).start;
+        let length = &self.length[begin + pixels.start..begin + pixels.end];
+        length.iter().fold(false, |any, n| any | (*n < self.end))
+    }
+}
+
+/// Pixels that are filtered together, or not: a run of them that are all old enough is copied.
+const BLOCK: usize = 16;
 
 /// Taps of a level.
 const TAPS: usize = 8;
@@ -92,6 +108,8 @@ struct Scratch {
     /// Sums of the edge weights of the taps, then what they lack to 1, for pixels whose neighbours of other surfaces count.
     lack: Run,
     contacts: Contacts,
+    /// The contact stop of a tap.
+    contact: Run,
     /// Variance of the centres, and the sum that becomes the variance of their means.
     noise: Run,
     varied: Run,
@@ -120,15 +138,27 @@ fn a_row<const PERSPECTIVE: bool, const GLOSS: bool>(
         spread: Spread::new(),
         lack: zero,
         contacts: Contacts::new(),
+        contact: [1.0; RUN],
         noise: zero,
         varied: zero,
     };
     let length = run_length(phases.longest());
     for phase in 0..PERIOD {
         for first in (0..phases.count(phase)).step_by(length) {
-            let len = length.min(phases.count(phase) - first);
-            let run = RunOf { y, phase, first, len };
-            filter_run::<PERSPECTIVE, GLOSS>(filter, phases, input, run, &mut scratch, (out, left.as_deref_mut()));
+            let end = first + length.min(phases.count(phase) - first);
+            // Runs of blocks that all have a young pixel, or none.
+            let mut first = first;
+            while first < end {
+                let is_young = |block: usize| filter.has_young(phases, y, phase, block..end.min(block + BLOCK));
+                let young = is_young(first);
+                let mut next = first + BLOCK;
+                while next < end && is_young(next) == young {
+                    next += BLOCK;
+                }
+                let run = RunOf { y, phase, first, len: next.min(end) - first };
+                filter_run::<PERSPECTIVE, GLOSS>(filter, phases, input, run, &mut scratch, (out, left.as_deref_mut()));
+                first = next;
+            }
         }
     }
 }
@@ -189,7 +219,7 @@ impl Contacts {
         }
     }
 
-    /// Takes from a tap's weights what the stops along both axes take.
+    /// Times what the stops along both axes leave of a tap.
     #[inline(always)]
     fn stop(&self, (dx, dy): (i32, i32), lanes: Range<usize>, weights: &mut [f32]) {
         for (axis, of_axis) in AXES.into_iter().enumerate() {
@@ -212,7 +242,7 @@ fn filter_run<const PERSPECTIVE: bool, const GLOSS: bool>(
     let Scratch { centres, taps, total, share, frames, own: own_weight, like, sums, .. } = scratch;
     let (light, light_there, spread) = (&mut scratch.light, &mut scratch.light_there, &mut scratch.spread);
     let (noise, varied_sums) = (&mut scratch.noise, &mut scratch.varied);
-    let contacts = &mut scratch.contacts;
+    let (contacts, contact) = (&mut scratch.contacts, &mut scratch.contact);
     let lack = &mut scratch.lack;
     let guides = filter.guides;
     let width = phases.size.width;
@@ -238,7 +268,9 @@ fn filter_run<const PERSPECTIVE: bool, const GLOSS: bool>(
     if finds {
         spread.begin(&frames[..n]);
     }
-    let reads_light = finds || known.is_some() || filter.first > 0.0;
+    let stops_at_contact = filter.gains.stops_at_contacts();
+    let noise_decides = stops_at_contact && filter.contact_noise > 0.0;
+    let reads_light = finds || known.is_some() || filter.first > 0.0 || noise_decides;
     if reads_light {
         luminances(three(|c| &channel(own, width, 0, c)[begin..][..n]), &mut light[..n]);
     }
@@ -259,7 +291,6 @@ fn filter_run<const PERSPECTIVE: bool, const GLOSS: bool>(
         let step = filter.step as i32;
         Pieces::of(phases, run, (dx * step, dy * step), OffScreen::Skip)
     };
-    let stops_at_contact = filter.gains.stops_at_contacts();
     if stops_at_contact {
         contacts.find::<PERSPECTIVE>(filter, phases, run, centres);
     }
@@ -272,12 +303,6 @@ fn filter_run<const PERSPECTIVE: bool, const GLOSS: bool>(
             let geometry = Tap::new(view, piece.offset.0, piece.offset.1);
             weights::<PERSPECTIVE, GLOSS, false>(centres, piece.first, &q, &geometry, &filter.gains, of_tap);
             piece.mask(of_tap);
-            if stops_at_contact {
-                contacts.stop(offset, lanes.clone(), of_tap);
-            }
-            if helps {
-                lack[lanes.clone()].iter_mut().zip(&*of_tap).for_each(|(sum, w)| *sum += *w);
-            }
             let length = &filter.length[piece.at..][..piece.len];
             if reads_light {
                 let there =
@@ -286,6 +311,25 @@ fn filter_run<const PERSPECTIVE: bool, const GLOSS: bool>(
             }
             let lights = (&light_there[..piece.len], &light[lanes.clone()]);
             let there = filter.noise.map(|noise| &noise[piece.at..][..piece.len]);
+            if noise_decides {
+                let contact = &mut contact[..piece.len];
+                contact.fill(1.0);
+                contacts.stop(offset, lanes.clone(), contact);
+                match there {
+                    Some(there) => {
+                        contact_by_noise(of_tap, contact, lights, (there, &noise[lanes.clone()]), filter.contact_noise);
+                    }
+                    None => {
+                        let frames = (length, &frames[lanes.clone()]);
+                        contact_by_prior(of_tap, contact, lights, frames, (filter.frames, filter.contact_noise));
+                    }
+                }
+            } else if stops_at_contact {
+                contacts.stop(offset, lanes.clone(), of_tap);
+            }
+            if helps {
+                lack[lanes.clone()].iter_mut().zip(&*of_tap).for_each(|(sum, w)| *sum += *w);
+            }
             if finds {
                 spread.add(piece.first, of_tap, length, filter.frames, lights);
             }

@@ -62,6 +62,11 @@ fn matte_young_9(@builtin(global_invocation_id) id: vec3u) {
 }
 
 @compute @workgroup_size(8, 8)
+fn matte_young_27(@builtin(global_invocation_id) id: vec3u) {
+    matte_level(vec2i(id.xy), 27, settings.young.end_27);
+}
+
+@compute @workgroup_size(8, 8)
 fn glossy_young_1(@builtin(global_invocation_id) id: vec3u) {
     glossy_level(vec2i(id.xy), 1, settings.young.glossy_end_1);
 }

@@ -1,6 +1,6 @@
 //! The filter of young history on runs of pixels.
 
-use super::{LEAST_NEIGHBOURS, Lobe, counted, fade, prior, stop};
+use super::{LEAST_NEIGHBOURS, Lobe, OF_A_FRAME, contact, counted, fade, prior, stop};
 use crate::kernels::edge_cpu::{RUN, Run};
 use crate::kernels::math::luminance;
 
@@ -162,6 +162,41 @@ pub(crate) fn refuse(weights: &mut [f32], light: (&[f32], &[f32]), noise: (&[f32
     let (vq, vp) = (&noise.0[..n], &noise.1[..n]);
     for i in 0..n {
         weights[i] *= stop(lp[i], lq[i], vp[i] + vq[i], squared);
+    }
+}
+
+/// Times what noise leaves of the contact stop; luminances and variances of the taps and of the centres.
+#[inline(always)]
+pub(crate) fn contact_by_noise(
+    weights: &mut [f32],
+    stops: &[f32],
+    light: (&[f32], &[f32]),
+    noise: (&[f32], &[f32]),
+    part: f32,
+) {
+    let n = weights.len();
+    let (stops, lq, lp) = (&stops[..n], &light.0[..n], &light.1[..n]);
+    let (vq, vp) = (&noise.0[..n], &noise.1[..n]);
+    for i in 0..n {
+        weights[i] *= contact(stops[i], lp[i], lq[i], vp[i] + vq[i], part);
+    }
+}
+
+/// The same where the noise is not known, by the frames of the taps and of the centres.
+#[inline(always)]
+pub(crate) fn contact_by_prior(
+    weights: &mut [f32],
+    stops: &[f32],
+    light: (&[f32], &[f32]),
+    (length, frames): (&[f32], &[f32]),
+    (most, part): (f32, f32),
+) {
+    let n = weights.len();
+    let (stops, lq, lp) = (&stops[..n], &light.0[..n], &light.1[..n]);
+    let (length, frames) = (&length[..n], &frames[..n]);
+    for i in 0..n {
+        let variance = OF_A_FRAME * prior((lp[i], frames[i]), (lq[i], counted(length[i], most)));
+        weights[i] *= contact(stops[i], lp[i], lq[i], variance, part);
     }
 }
 

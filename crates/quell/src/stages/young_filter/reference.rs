@@ -1,6 +1,6 @@
 //! The specification of the filter of young history.
 
-use super::{LEAST_NEIGHBOURS, Lobe, contrast, counted, ends, fade, prior, step_px, stop};
+use super::{LEAST_NEIGHBOURS, Lobe, OF_A_FRAME, contrast, counted, ends, fade, prior, step_px, stop};
 use crate::border::Guides;
 use crate::frame::{Rgb, Signal};
 use crate::kernels::edge::{EdgeStops, closeness, contact_stop};
@@ -107,11 +107,20 @@ pub fn run(input: Input<'_>, guides: &Guides, settings: &Settings, signal: Signa
             let (origin, direction) = guides.ray(qx, qy);
             let q = guides.surface(qx, qy);
             let edge = stops.weight(&p, &q, origin, direction, pixel_size);
-            let edge = edge * along_axis((x, y), (dx, 0)) * along_axis((x, y), (0, dy));
             let (own, there) = (light((x, y)), light((qx, qy)));
-            let like = match (noise, first) {
-                (Some(noise), _) => stop(own, there, noise.at(x, y) + noise.at(qx, qy), squared),
-                (None, Some(first)) => stop(own, there, prior((own, length((x, y))), (there, length((qx, qy)))), first),
+            let unknown = prior((own, length((x, y))), (there, length((qx, qy))));
+            let known = noise.map(|noise| noise.at(x, y) + noise.at(qx, qy));
+            let stopped = along_axis((x, y), (dx, 0)) * along_axis((x, y), (0, dy));
+            let edge = edge
+                * if young.contact_noise > 0.0 {
+                    let part = 1.0 / young.contact_noise;
+                    super::contact(stopped, own, there, known.unwrap_or(OF_A_FRAME * unknown), part)
+                } else {
+                    stopped
+                };
+            let like = match (known, first) {
+                (Some(variance), _) => stop(own, there, variance, squared),
+                (None, Some(first)) => stop(own, there, unknown, first),
                 (None, None) => 1.0,
             };
             let whole = f64::from(share * edge) * frames((qx, qy));

@@ -44,6 +44,16 @@ fn young_prior(p: f32, p_frames: f32, q: f32, q_frames: f32) -> f32 {
     return mean * mean * ((p_frames + q_frames) / (p_frames * q_frames));
 }
 
+// What noise leaves of the contact stop between two means of luminance; `variance`: of their difference.
+fn young_noisy_contact(w: f32, p: f32, q: f32, variance: f32) -> f32 {
+    let most = settings.young.contact_noise;
+    if most <= 0.0 {
+        return w;
+    }
+    let both = p + q;
+    return 1.0 - max(1.0 - variance / (most * (0.25 * both * both + YOUNG_LEAST_VARIANCE)), 0.0) * (1.0 - w);
+}
+
 // The contact stop along an axis.
 fn young_contact(pixel: vec2i, p: Surface, axis: vec2i, contact: f32) -> f32 {
     let q = pixel + axis;
@@ -109,23 +119,30 @@ fn young_filter(pixel: vec2i, stops: EdgeStops, step: i32, share: f32, contrast:
             let direction = ray_direction(frame.view, sample_position(q));
             let s = surface_of(q);
             var edge = edge_weight(stops, p, s, origin, direction, pixel_size);
-            edge *= stops_across[dx + 1] * stops_down[dy + 1];
             if edge <= 0.0 && (most <= 0.0 || s.view_depth == BACKGROUND) {
                 continue;
             }
-            alike += edge;
             let there = young_light(q);
             let counted = young_frames(q);
             let light_there = luminance(there.xyz);
+            // Of the difference in luminance: as the level before left it, else as far as frames tell, over a squared contrast.
+            let known = own.w * own.w + there.w * there.w;
+            let unknown = young_prior(light, frames, light_there, counted);
+            if stops.contact > 0.0 {
+                let variance = select(YOUNG_OF_A_FRAME * unknown, known, has_stop && step > 1);
+                let stopped = stops_across[dx + 1] * stops_down[dy + 1];
+                edge *= young_noisy_contact(stopped, light, light_there, variance);
+            }
+            alike += edge;
             let whole = share * edge * counted;
             var like = 1.0;
             if step == 1 {
                 if contrast > 0.0 {
-                    like = young_stop(light, light_there, young_prior(light, frames, light_there, counted), contrast);
+                    like = young_stop(light, light_there, unknown, contrast);
                     refused += whole * (1.0 - like);
                 }
             } else if has_stop {
-                like = young_stop(light, light_there, own.w * own.w + there.w * there.w, settings.young.deviations);
+                like = young_stop(light, light_there, known, settings.young.deviations);
             }
             if finds {
                 let x = light_there - light;

@@ -194,6 +194,18 @@ const YOUNG_CONTRAST: &[(&str, &str)] = &[("young_filter.matte_contrast", "2")];
 const YOUNG_GLOSSY_CONTRAST: &[(&str, &str)] =
     &[("young_filter.glossy_contrast", "1.5"), ("young_filter.deviations", "3"), ("young_filter.least_lobe", "2")];
 
+/// The widest level, which fades though the others stay.
+const YOUNG_WIDE: &[(&str, &str)] = &[
+    ("young_filter.matte_levels", "4"),
+    ("young_filter.wide_frames", "20"),
+    ("young_filter.deviations", "3"),
+    ("young_filter.matte_stays", "on"),
+    ("disocclusion.enabled", "off"),
+];
+/// Noise switches the contact stop off.
+const NOISY_CONTACT: &[(&str, &str)] =
+    &[("edge.contact", "0.5"), ("young_filter.contact_noise", "2"), ("young_filter.deviations", "3")];
+
 /// Neighbours of other surfaces count where few show the same one, as most do where normals must agree closely.
 const YOUNG_ISOLATED: &[(&str, &str)] = &[
     ("young_filter.isolated", "6"),
@@ -239,6 +251,8 @@ pub const CASES: &[Case] = &[
     case("young 1", WEIGHTS, &[("young_filter.frames", "3.5")], |i, s| i.young(Signal::Matte, 0, s)),
     case("young 3", WEIGHTS, &[("young_filter.frames", "24")], |i, s| i.young(Signal::Matte, 1, s)),
     case("young 9", WEIGHTS, &[("young_filter.frames", "60")], |i, s| i.young(Signal::Matte, 2, s)),
+    case("young 27", WEIGHTS, YOUNG_WIDE, |i, s| i.young(Signal::Matte, 3, s)),
+    case("young 27, joint", WEIGHTS, YOUNG_WIDE, |i, s| i.young_joint(Signal::Matte, 3, s)),
     case("young glossy 1", WEIGHTS, &[("young_filter.lobe", "0.05"), ("young_filter.least_lobe", "0.3")], |i, s| {
         i.young(Signal::Glossy, 0, s)
     }),
@@ -253,6 +267,8 @@ pub const CASES: &[Case] = &[
     case("young glossy 3, stop", WEIGHTS, YOUNG_GLOSSY, |i, s| i.young(Signal::Glossy, 1, s)),
     case("young 1, contact", WEIGHTS, &[("edge.contact", "0.5")], |i, s| i.young(Signal::Matte, 0, s)),
     case("young 3, contact", WEIGHTS, &[("edge.contact", "0.5")], |i, s| i.young_joint(Signal::Matte, 1, s)),
+    case("young 1, contact, noise", WEIGHTS, NOISY_CONTACT, |i, s| i.young(Signal::Matte, 0, s)),
+    case("young 3, contact, noise", WEIGHTS, NOISY_CONTACT, |i, s| i.young(Signal::Matte, 1, s)),
     case("young 1, isolated", WEIGHTS, YOUNG_ISOLATED, |i, s| i.young(Signal::Matte, 0, s)),
     case("young glossy 1, isolated", WEIGHTS, YOUNG_ISOLATED, |i, s| i.young(Signal::Glossy, 0, s)),
     case("young 1, contrast", WEIGHTS, YOUNG_CONTRAST, |i, s| i.young(Signal::Matte, 0, s)),
@@ -575,6 +591,20 @@ pub const PLANTED: &[(&str, &str, &str)] = &[
         "matte_level(vec2i(id.xy), 9, settings.young.end_9)",
         "matte_level(vec2i(id.xy), 9, settings.young.end_3)",
     ),
+    (
+        "young 27",
+        "matte_level(vec2i(id.xy), 27, settings.young.end_27)",
+        "matte_level(vec2i(id.xy), 27, settings.young.end_9)",
+    ),
+    ("young 27", "matte_level(vec2i(id.xy), 27, ", "matte_level(vec2i(id.xy), 9, "),
+    ("young 1, contact, noise", "let most = settings.young.contact_noise;", "let most = 0.0;"),
+    ("young 1, contact, noise", "YOUNG_OF_A_FRAME * unknown", "unknown"),
+    (
+        "young 3, contact, noise",
+        "select(YOUNG_OF_A_FRAME * unknown, known,",
+        "select(known, YOUNG_OF_A_FRAME * unknown,",
+    ),
+    ("young 3, contact, noise", "(0.25 * both * both", "(both * both"),
     ("young 1, contact", "pixel - axis", "pixel + axis"),
     ("young 1, contact", "max(to_p, to_q)", "to_p"),
     ("young 1, contact", "stops_across[dx + 1] * stops_down[dy + 1]", "stops_across[dx + 1]"),

@@ -257,7 +257,8 @@ impl Inputs {
         let pass = match (signal, level) {
             (Signal::Matte, 0) => Pass::MATTE_YOUNG_1,
             (Signal::Matte, 1) => Pass::MATTE_YOUNG_3,
-            (Signal::Matte, _) => Pass::MATTE_YOUNG_9,
+            (Signal::Matte, 2) => Pass::MATTE_YOUNG_9,
+            (Signal::Matte, _) => Pass::MATTE_YOUNG_27,
             (Signal::Glossy, 0) => Pass::GLOSSY_YOUNG_1,
             (Signal::Glossy, 1) => Pass::GLOSSY_YOUNG_3,
             (Signal::Glossy, _) => Pass::GLOSSY_YOUNG_9,
@@ -284,7 +285,8 @@ impl Inputs {
         let pass = match (signal, level) {
             (Signal::Matte, 0) => Pass::MATTE_YOUNG_1_JOINT,
             (Signal::Matte, 1) => Pass::MATTE_YOUNG_3_JOINT,
-            (Signal::Matte, _) => Pass::MATTE_YOUNG_9_JOINT,
+            (Signal::Matte, 2) => Pass::MATTE_YOUNG_9_JOINT,
+            (Signal::Matte, _) => Pass::MATTE_YOUNG_27_JOINT,
             (Signal::Glossy, 0) => Pass::GLOSSY_YOUNG_1_JOINT,
             (Signal::Glossy, 1) => Pass::GLOSSY_YOUNG_3_JOINT,
             (Signal::Glossy, _) => Pass::GLOSSY_YOUNG_9_JOINT,
