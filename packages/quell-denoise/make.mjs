@@ -30,6 +30,7 @@ const CHOICES = [
   paper(),
   paper("--unfused"),
   ["--preset", "quality"],
+  ["--preset", "quality", "--set", "young_filter.glossy_levels=3"],
   // Stage 5's second image has a texture of its own where it is not fed back.
   paper("--set", "pipeline.feedback=temporal"),
   // Without history the first filter that is on reads the host's image.
