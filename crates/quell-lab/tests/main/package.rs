@@ -128,7 +128,7 @@ fn choices() -> Vec<(Changes, [bool; 2], bool)> {
         changes.push(("young_filter.glossy", if young_glossy { "on" } else { "off" }));
         changes.push(("young_filter.matte_levels", ["3", "4", "4", "2", "1"][all.len() % 5]));
         changes.push(("young_filter.glossy_levels", ["3", "2", "1"][all.len() % 3]));
-        changes.push(("young_filter.wide_frames", if all.len() % 7 == 0 { "1" } else { "9.5" }));
+        changes.push(("young_filter.wide_frames", if all.len() % 11 == 0 { "1" } else { "9.5" }));
         // Stage 8 compares hit distances in every third.
         changes.push(("glossy_temporal.mirror_roughness", if all.len() % 3 == 0 { "0.03" } else { "0" }));
         changes.push(("glossy_temporal.virtual_reprojection", if all.len() % 5 == 0 { "off" } else { "on" }));
