@@ -246,6 +246,9 @@ parameters! {
         glossy_contrast: f32 = 0.0, 0.0..=64.0, "of the mean, for one frame", "The same for the glossy signal.",
             higher "Lamps in mirrors leak into the pixels beside them.", lower "Reflections are noisier at first.",
             source "ours: `docs/quality.md`";
+        further_contrast: f32 = 0.0, 0.0..=8.0, "of the first level's contrast", "From the second level on, the noise that `deviations` goes by is no more than this part of `matte_contrast` and `glossy_contrast` allows; 0: no such bound.",
+            higher "Bright pixels are copied to 3, 9 and 27 pixels away.", lower "Sparse light is not smoothed, and loses energy.",
+            source "ours: `docs/quality.md`";
         contact_noise: f32 = 0.0, 0.0..=64.0, "of the squared mean of a pair", "Variance of a pair's difference in luminance from which the contact stop is off; 0: it acts whatever the noise.",
             higher "Contact shadows from the first frames on, and noisy corners.", lower "Smooth corners, whose shadows come later.", source "ours: `docs/quality.md`";
         isolated: f32 = 0.0, 0.0..=64.0, "frames", "First level: as far as the weights of the eight neighbours add up to less than 1, all of them count, whatever surface they show, by up to this many frames less the pixel's own.",
@@ -467,7 +470,8 @@ impl Settings {
                 deviations: 4.5,
                 matte_contrast: 8.0,
                 glossy_contrast: 6.0,
-                contact_noise: 1.0,
+                further_contrast: 0.5,
+                contact_noise: 4.0,
                 isolated: 1.5,
             },
             surface: SurfaceSettings { lost_footprint: 0.5, ..SurfaceSettings::default() },

@@ -131,6 +131,7 @@ export function settingsStruct(settings, rows) {
       deviations: young.deviations,
       matte_contrast: young.matte_contrast,
       glossy_contrast: young.glossy_contrast,
+      further_contrast: young.further_contrast,
       contact_noise: young.contact_noise,
       isolated: young.isolated,
       last,

@@ -286,6 +286,7 @@ fn cases() -> Vec<(Size, Changes)> {
                 ("young_filter.glossy_levels", "2"),
                 ("young_filter.wide_frames", "9.3"),
                 ("young_filter.contact_noise", "0.7"),
+                ("young_filter.further_contrast", "0.6"),
                 ("young_filter.falloff", "0.37"),
                 ("young_filter.lobe", "0.7"),
                 ("young_filter.least_lobe", "0.3"),

@@ -383,6 +383,7 @@ impl Cpu {
         if hands_on {
             after.resize(pixels, 0.0);
         }
+        let contrast = young::squared_contrast(s, signal, level);
         let filter = young_filter::Filter {
             level: self.level,
             guides,
@@ -393,7 +394,8 @@ impl Cpu {
             lobe: has_lobe.then(|| young::Lobe::new(s, guides.now.view.focal_px, level)),
             frames: s.frames,
             squared: s.deviations * s.deviations,
-            first: if level == 0 { young::contrast(s, signal).powi(2) } else { 0.0 },
+            first: if level == 0 { contrast } else { 0.0 },
+            further: if level == 0 { 0.0 } else { contrast },
             isolated: if level == 0 { s.isolated } else { 0.0 },
             contact_noise: if s.contact_noise > 0.0 { 1.0 / s.contact_noise } else { 0.0 },
             noise: (stops && level > 0).then_some(before.as_slice()).filter(|noise| noise.len() == pixels),

@@ -62,6 +62,7 @@ const ALL: &[(&str, Number)] = &[
     ("YOUNG_LEAST_VARIANCE", F32(young_filter::LEAST_VARIANCE)),
     ("YOUNG_LEAST_NEIGHBOURS", F32(young_filter::LEAST_NEIGHBOURS)),
     ("YOUNG_OF_A_FRAME", F32(young_filter::OF_A_FRAME)),
+    ("YOUNG_NOISE_ALIKE", F32(young_filter::NOISE_ALIKE)),
     // The sequence filter.
     ("FARTHEST", F32(guide_distance::FARTHEST)),
     ("APART", F32(guide_distance::APART)),

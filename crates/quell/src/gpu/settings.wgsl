@@ -73,6 +73,8 @@ struct YoungSettings {
     // Of the first level's luminance stop; 0: none.
     matte_contrast: f32,
     glossy_contrast: f32,
+    // Of those, what bounds the noise of the other levels; 0: nothing does.
+    further_contrast: f32,
     // Relative variance of a pair's difference from which the contact stop is off; 0: it always acts.
     contact_noise: f32,
     isolated: f32,

@@ -253,6 +253,35 @@ fn every_stage_alone_agrees() {
             WEIGHTS,
         ),
         (
+            "young matte, further contrast",
+            [
+                TEMPORAL,
+                &[
+                    ("young_filter.matte", "on"),
+                    ("young_filter.matte_contrast", "4"),
+                    ("young_filter.further_contrast", "0.5"),
+                    ("young_filter.deviations", "4"),
+                ],
+            ]
+            .concat(),
+            WEIGHTS,
+        ),
+        (
+            "young glossy, further contrast",
+            [
+                GLOSSY,
+                &[
+                    ("young_filter.glossy", "on"),
+                    ("young_filter.glossy_contrast", "3"),
+                    ("young_filter.further_contrast", "0.5"),
+                    ("young_filter.deviations", "4"),
+                    ("young_filter.least_lobe", "1"),
+                ],
+            ]
+            .concat(),
+            WEIGHTS,
+        ),
+        (
             "young, contact",
             [TEMPORAL, &[("young_filter.matte", "on"), ("edge.contact", "0.5"), ("young_filter.deviations", "3")]]
                 .concat(),

@@ -203,6 +203,46 @@ fn what_was_uncovered_takes_light_from_what_is_known() {
 }
 
 #[test]
+fn a_bright_pixel_is_not_copied() {
+    // A firefly on a wall that has been seen for 24 frames: how much the eight pixels three and nine pixels away rise by.
+    let size = Size::new(64, 48);
+    let scene = wall(still, Noise::Uniform);
+    let copies = |settings: &Settings, backend: Backend, firefly: f32| {
+        let mut denoiser = Denoiser::with_backend(size, settings, backend).unwrap();
+        let mut matte = Plane::filled(size, [0.0; 3]);
+        for i in 0..24 {
+            let mut frame = scene.frame(size, i);
+            if i == 23 {
+                let light = frame.matte.clone().unwrap();
+                frame.matte = Some(Plane::from_fn(size, |x, y| {
+                    light.at(x, y).map(|v| if (x, y) == (32, 24) { firefly } else { v })
+                }));
+            }
+            matte = denoise(&mut denoiser, &frame).matte.unwrap();
+        }
+        [3, 9].map(|d: isize| {
+            let ring =
+                (0..9).filter(|k| *k != 4).map(|k| ((32 + (k % 3 - 1) * d) as usize, (24 + (k / 3 - 1) * d) as usize));
+            ring.map(|(x, y)| f64::from(matte.at(x, y)[0])).sum::<f64>() / 8.0
+        })
+    };
+    let mut settings = Settings::preset(Preset::Quality);
+    (settings.firefly.enabled, settings.matte_bilateral.enabled) = (false, false);
+    let mut without = settings.clone();
+    without.young_filter.further_contrast = 0.0;
+    for backend in BACKENDS {
+        let rise = |settings: &Settings| {
+            let [lit, dark] = [400.0, 0.5].map(|firefly| copies(settings, backend, firefly));
+            [lit[0] - dark[0], lit[1] - dark[1]]
+        };
+        let [with, without] = [&settings, &without].map(rise);
+        println!("{with:?}; without {without:?}");
+        assert!(with.iter().all(|rise| rise.abs() < 0.01), "{with:?}");
+        assert!(without.iter().all(|rise| *rise > 0.2), "{without:?}");
+    }
+}
+
+#[test]
 fn what_stands_alone_takes_light_from_what_is_around() {
     // Single pixels of other things on a wall, elsewhere in every frame: neither neighbours nor history show them.
     let size = Size::new(64, 40);
@@ -1502,6 +1542,8 @@ fn trials() -> Vec<(&'static str, Settings, Vec<FrameBuf>)> {
     (young.young_filter.matte, young.young_filter.glossy) = (true, true);
     young.young_filter.lobe = 0.1;
     (young.young_filter.matte_levels, young.edge.contact) = (4, 0.5);
+    let mut noisy = young.clone();
+    (noisy.young_filter.deviations, noisy.young_filter.matte_contrast) = (4.0, 4.0);
     // Every difference between the means counts, and part of history stays.
     let mut changing = paper();
     (changing.changed_light.matte, changing.changed_light.glossy) = (true, true);
@@ -1515,6 +1557,7 @@ fn trials() -> Vec<(&'static str, Settings, Vec<FrameBuf>)> {
         ("tall", Settings::default(), tall),
         ("box", paper(), box_frames.clone()),
         ("box, young history", young, box_frames.clone()),
+        ("box, young history whose noise is known", noisy, box_frames.clone()),
         ("box, anti-aliased", antialiased, box_frames.clone()),
         ("box, changing light", changing, box_frames.clone()),
         ("box, other choices", other.clone(), box_frames),

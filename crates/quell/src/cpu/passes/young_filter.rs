@@ -16,7 +16,7 @@ use crate::stages::matte_prefilter::cpu::{gather, invert};
 use crate::stages::young_filter::Lobe;
 use crate::stages::young_filter::cpu::{
     Others, Spread, alike, by_frames, contact_by_noise, contact_by_prior, divide, finish, lacking, luminances, refuse,
-    shares, varied, vary,
+    refuse_within, shares, varied, vary,
 };
 use fearless_simd::Level;
 use std::ops::Range;
@@ -41,6 +41,8 @@ pub(crate) struct Filter<'a> {
     pub squared: f32,
     /// Squared contrast of the first level's luminance stop; 0: none, and on other levels.
     pub first: f32,
+    /// Squared contrast that bounds the noise of further levels; 0: none, and on the first one.
+    pub further: f32,
     /// Most frames that neighbours count for a pixel that has none of its own surface; 0 on other levels than the first.
     pub isolated: f32,
     /// One over `contact_noise`; 0: the contact stop acts whatever the noise.
@@ -341,7 +343,13 @@ fn filter_run<const PERSPECTIVE: bool, const GLOSS: bool>(
                 spread.square(piece.first, (of_tap, like), length, filter.frames);
             }
             if let Some(there) = there {
-                refuse(of_tap, lights, (there, &noise[lanes.clone()]), filter.squared);
+                let noise = (there, &noise[lanes.clone()]);
+                if filter.further > 0.0 {
+                    let constants = (filter.frames, filter.squared, filter.further);
+                    refuse_within(of_tap, lights, noise, (length, &frames[lanes.clone()]), constants);
+                } else {
+                    refuse(of_tap, lights, noise, filter.squared);
+                }
             }
             by_frames(of_tap, &share[lanes.clone()], length, filter.frames);
             if let Some(there) = there {

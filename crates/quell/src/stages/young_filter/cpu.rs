@@ -1,6 +1,6 @@
 //! The filter of young history on runs of pixels.
 
-use super::{LEAST_NEIGHBOURS, Lobe, OF_A_FRAME, contact, counted, fade, prior, stop};
+use super::{LEAST_NEIGHBOURS, Lobe, OF_A_FRAME, contact, counted, fade, most_noise, prior, stop};
 use crate::kernels::edge_cpu::{RUN, Run};
 use crate::kernels::math::luminance;
 
@@ -162,6 +162,27 @@ pub(crate) fn refuse(weights: &mut [f32], light: (&[f32], &[f32]), noise: (&[f32
     let (vq, vp) = (&noise.0[..n], &noise.1[..n]);
     for i in 0..n {
         weights[i] *= stop(lp[i], lq[i], vp[i] + vq[i], squared);
+    }
+}
+
+/// The same where the noise counts no more than `most_noise` says; `most`: frames that count, `contrast`: squared.
+#[inline(always)]
+pub(crate) fn refuse_within(
+    weights: &mut [f32],
+    light: (&[f32], &[f32]),
+    noise: (&[f32], &[f32]),
+    (length, frames): (&[f32], &[f32]),
+    (most, squared, contrast): (f32, f32, f32),
+) {
+    let n = weights.len();
+    let (lq, lp) = (&light.0[..n], &light.1[..n]);
+    let (vq, vp) = (&noise.0[..n], &noise.1[..n]);
+    let (length, frames) = (&length[..n], &frames[..n]);
+    for i in 0..n {
+        let found = squared * (vp[i] + vq[i]);
+        let (p, q) = ((lp[i], vp[i], frames[i]), (lq[i], vq[i], counted(length[i], most)));
+        let bound = most_noise(p, q, squared, contrast);
+        weights[i] *= stop(lp[i], lq[i], if found < bound { found } else { bound }, 1.0);
     }
 }
 

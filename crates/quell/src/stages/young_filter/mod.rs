@@ -8,7 +8,7 @@
 //! | equation | out = (N_p c_p + sum_q s w_pq N_q c_q) / (N_p + sum_q s w_pq N_q) over the eight q whose offsets are -3^i, 0 or 3^i along both axes |
 //! | edge stops | w_pq of `kernels/edge.rs`, for the glossy signal with gloss, for the matte one where `edge.contact` is above 0 times the contact stop w_c of that file, which noise switches off: 1 - (1 - w_c) max(0, 1 - V / (R m^2)), R = `contact_noise` (0: w_c alone), m = (l_p + l_q) / 2, V = v_p + v_q, where v is not known 2 m^2 (1 / N_p + 1 / N_q) |
 //! | first luminance stop | at level 0, where the signal's contrast C (`matte_contrast`, `glossy_contrast`) is above 0: w_pq times max(0, 1 - (l_p - l_q)^2 / (C^2 m^2 (1 / N_p + 1 / N_q) + e^2 (l_p + l_q)^2))^2, l the input's luminance, m = (l_p + l_q) / 2, e = 0.004; what it takes from a neighbour's weight goes to c_p |
-//! | luminance stop | from level 1 on, where `deviations` K is above 0: w_pq times max(0, 1 - (l_p - l_q)^2 / (K^2 (v_p + v_q) + e^2 (l_p + l_q)^2))^2 (Tukey's biweight), v the variance of l's noise |
+//! | luminance stop | from level 1 on, where `deviations` K is above 0: w_pq times max(0, 1 - (l_p - l_q)^2 / (K^2 (v_p + v_q) + e^2 (l_p + l_q)^2))^2 (Tukey's biweight), v the variance of l's noise; where f = `further_contrast` and C of the first stop are above 0, K^2 (v_p + v_q) is at most max((f C m)^2, 4 K^2 min(v_p N_p, v_q N_q)) (1 / N_p + 1 / N_q) |
 //! | noise | v' = sum_q u_q^2 v_q / (sum_q u_q)^2, u the weights of the mean; at level 0 v_q = S / N_q, S the variance of one frame's light: (n / (n - 1)) sum_q w_q N_q (l_q - m)^2 / sum_q w_q, m the mean of l with weights w N, n = (sum w)^2 / sum w^2, w here without the first stop; N_p l_p^2 where n is under 1.5 |
 //! | isolated pixels | at level 0, where `isolated` A is above 0: each of the eight that lies in the picture and is no background counts s max(0, 1 - W) min(N_q, max(0, A - N_p)) frames more, whatever its surface and its luminance; W = sum of w_pq over the eight, without the first stop; N_q at most `frames` |
 //! | fade | s = clamp((F_i - N_p) / (F_i - 1), 0, 1), F_i = `frames` `falloff`^i (matte with `matte_stays`: 1e9), F_3 = `wide_frames`; glossy: times min(1, (`lobe` r + `least_lobe`) / 3^i), r = 2 roughness^2 f, f the focal length in pixels |
@@ -23,7 +23,8 @@
 //! their mean at most; then a lamp in a mirror stays out of the pixels beside it, and what is left of a firefly out of its surroundings. What is refused, the pixel's own light stands in for: between pixels of equal
 //! frames and weights that is an exchange, which loses no light. Without the luminance stops weights come from feature buffers and
 //! lengths alone: the filter is linear in the light, and keeps its energy. Both stops are even in both pixels: what is dark by chance
-//! refuses what is bright no more than the other way round. Passes take the weights of the signal that they are tied to, and still add up.
+//! refuses what is bright no more than the other way round. The noise that level 0 finds around a firefly is the firefly: further levels
+//! would copy it to eight pixels around it. It counts only as far as the pair's mean allows, or as it is found at both pixels, as that of sparse light is. Passes take the weights of the signal that they are tied to, and still add up.
 //! A pixel of a wire or a leaf that has neither history nor neighbours of its surface would keep the noise of its few paths: what is around it
 //! stands in, until it has a history of its own.
 //! Radii are in pixels of any image, since so is the noise. Background passes through.
@@ -148,11 +149,31 @@ pub(crate) fn contact(w: f32, p: f32, q: f32, variance: f32, part: f32) -> f32 {
 }
 
 /// C: the contrast of a signal's first level.
-pub(crate) fn contrast(s: &YoungFilter, signal: Signal) -> f32 {
+fn contrast(s: &YoungFilter, signal: Signal) -> f32 {
     match signal {
         Signal::Matte => s.matte_contrast,
         Signal::Glossy => s.glossy_contrast,
     }
+}
+
+/// The squared contrast that bounds the noise of a level: of the first level's own stop, of which further ones take a part; 0: none.
+pub(crate) fn squared_contrast(s: &YoungFilter, signal: Signal, level: u32) -> f32 {
+    let part = if level == 0 { 1.0 } else { s.further_contrast };
+    (part * contrast(s, signal)).powi(2)
+}
+
+/// How much more noise than at the quieter pixel of a pair is believed.
+pub(crate) const NOISE_ALIKE: f32 = 4.0;
+
+/// The most that the variance of the difference of two luminances times the squared deviations counts in further levels: by the pair's
+/// mean and the squared contrast, or by the lesser of the noises v, per frame. Each pixel is (l, v, frames).
+#[inline(always)]
+pub(crate) fn most_noise(p: (f32, f32, f32), q: (f32, f32, f32), squared: f32, contrast: f32) -> f32 {
+    let mean = 0.5 * (p.0 + q.0);
+    let (of_p, of_q) = (p.1 * p.2, q.1 * q.2);
+    let found = NOISE_ALIKE * squared * if of_p < of_q { of_p } else { of_q };
+    let allowed = contrast * (mean * mean);
+    (if allowed > found { allowed } else { found }) * ((p.2 + q.2) / (p.2 * q.2))
 }
 
 /// The luminance stop between two means of luminance, from the sum of their noise's variances; `squared`: of `deviations`, on

@@ -1,6 +1,8 @@
 //! The specification of the filter of young history.
 
-use super::{LEAST_NEIGHBOURS, Lobe, OF_A_FRAME, contrast, counted, ends, fade, prior, step_px, stop};
+use super::{
+    LEAST_NEIGHBOURS, Lobe, OF_A_FRAME, counted, ends, fade, most_noise, prior, squared_contrast, step_px, stop,
+};
 use crate::border::Guides;
 use crate::frame::{Rgb, Signal};
 use crate::kernels::edge::{EdgeStops, closeness, contact_stop};
@@ -57,8 +59,8 @@ pub fn run(input: Input<'_>, guides: &Guides, settings: &Settings, signal: Signa
     let light = |(x, y): (usize, usize)| luminance(input.planes[0].at(x, y));
     let squared = young.deviations * young.deviations;
     let noise = input.noise.filter(|_| level > 0 && squared > 0.0);
-    let contrast = contrast(young, signal);
-    let first = (level == 0 && contrast > 0.0).then_some(contrast * contrast);
+    let contrast = squared_contrast(young, signal, level);
+    let first = (level == 0 && contrast > 0.0).then_some(contrast);
     let length = |(x, y): (usize, usize)| counted(input.length.at(x, y), young.frames);
     let contact = stops.contact;
     // How close what lies (dx, dy) from a pixel is to it.
@@ -119,6 +121,11 @@ pub fn run(input: Input<'_>, guides: &Guides, settings: &Settings, signal: Signa
                     stopped
                 };
             let like = match (known, first) {
+                (Some(variance), _) if contrast > 0.0 => {
+                    let of = |(x, y), light| (light, noise.map_or(0.0, |noise| noise.at(x, y)), length((x, y)));
+                    let most = most_noise(of((x, y), own), of((qx, qy), there), squared, contrast);
+                    stop(own, there, (squared * variance).min(most), 1.0)
+                }
                 (Some(variance), _) => stop(own, there, variance, squared),
                 (None, Some(first)) => stop(own, there, unknown, first),
                 (None, None) => 1.0,

@@ -29,11 +29,11 @@ fn young_lobe(pixel: vec2i, gain: f32, step: i32) -> f32 {
     return min((gain * (roughness * roughness) + settings.young.least_lobe) / f32(step), 1.0);
 }
 
-// The luminance stop between two means of luminance, from the sum of their noise's variances and the deviations that it allows.
-fn young_stop(p: f32, q: f32, variance: f32, deviations: f32) -> f32 {
+// The luminance stop between two means of luminance; `allowed`: the squared difference, of noise alone, from which a neighbour counts nothing.
+fn young_stop(p: f32, q: f32, allowed: f32) -> f32 {
     let off = p - q;
     let least = YOUNG_SAME_LIGHT * (p + q);
-    let most = deviations * deviations * variance + least * least;
+    let most = allowed + least * least;
     let left = max(1.0 - off * off / (most + YOUNG_LEAST_VARIANCE), 0.0);
     return left * left;
 }
@@ -71,7 +71,7 @@ fn young_contact(pixel: vec2i, p: Surface, axis: vec2i, contact: f32) -> f32 {
 }
 
 // A level whose taps lie `step` pixels apart, at one pixel. The first finds the noise, also where it filters nothing,
-// and stops by `contrast`, where that is above 0;
+// and stops by `contrast`, where that is above 0, of which a part bounds the noise of the others;
 // all stop at contacts, where that stop has one.
 fn young_filter(pixel: vec2i, stops: EdgeStops, step: i32, share: f32, contrast: f32) -> Young {
     let own = young_light(pixel);
@@ -84,6 +84,7 @@ fn young_filter(pixel: vec2i, stops: EdgeStops, step: i32, share: f32, contrast:
         return Young(centre, select(own.w, light, finds));
     }
     let pixel_size = pixel_size_at(frame.view, p.view_depth);
+    let further = settings.young.further_contrast * contrast;
     let frames = young_frames(pixel);
     var total = frames;
     // What the first stop refuses: the pixel's own light stands in for it.
@@ -138,11 +139,20 @@ fn young_filter(pixel: vec2i, stops: EdgeStops, step: i32, share: f32, contrast:
             var like = 1.0;
             if step == 1 {
                 if contrast > 0.0 {
-                    like = young_stop(light, light_there, unknown, contrast);
+                    like = young_stop(light, light_there, contrast * contrast * unknown);
                     refused += whole * (1.0 - like);
                 }
             } else if has_stop {
-                like = young_stop(light, light_there, known, settings.young.deviations);
+                let squared = settings.young.deviations * settings.young.deviations;
+                var allowed = squared * known;
+                if further > 0.0 {
+                    // As far as the pair's mean allows, or as noise is found at both: what is found at one is a firefly.
+                    let mean = 0.5 * (light + light_there);
+                    let found = YOUNG_NOISE_ALIKE * squared * min(own.w * own.w * frames, there.w * there.w * counted);
+                    let most = max(further * further * (mean * mean), found);
+                    allowed = min(allowed, most * ((frames + counted) / (frames * counted)));
+                }
+                like = young_stop(light, light_there, allowed);
             }
             if finds {
                 let x = light_there - light;

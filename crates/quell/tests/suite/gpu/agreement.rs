@@ -194,6 +194,15 @@ const YOUNG_CONTRAST: &[(&str, &str)] = &[("young_filter.matte_contrast", "2")];
 const YOUNG_GLOSSY_CONTRAST: &[(&str, &str)] =
     &[("young_filter.glossy_contrast", "1.5"), ("young_filter.deviations", "3"), ("young_filter.least_lobe", "2")];
 
+/// Its contrast bounds the noise of further levels.
+const YOUNG_FURTHER: &[(&str, &str)] = &[
+    ("young_filter.matte_contrast", "4"),
+    ("young_filter.glossy_contrast", "3"),
+    ("young_filter.further_contrast", "0.5"),
+    ("young_filter.deviations", "4"),
+    ("young_filter.least_lobe", "2"),
+];
+
 /// The widest level, which fades though the others stay.
 const YOUNG_WIDE: &[(&str, &str)] = &[
     ("young_filter.matte_levels", "4"),
@@ -273,6 +282,8 @@ pub const CASES: &[Case] = &[
     case("young glossy 1, isolated", WEIGHTS, YOUNG_ISOLATED, |i, s| i.young(Signal::Glossy, 0, s)),
     case("young 1, contrast", WEIGHTS, YOUNG_CONTRAST, |i, s| i.young(Signal::Matte, 0, s)),
     case("young glossy 1, contrast", WEIGHTS, YOUNG_GLOSSY_CONTRAST, |i, s| i.young(Signal::Glossy, 0, s)),
+    case("young 3, further contrast", WEIGHTS, YOUNG_FURTHER, |i, s| i.young(Signal::Matte, 1, s)),
+    case("young glossy 3, further contrast", WEIGHTS, YOUNG_FURTHER, |i, s| i.young(Signal::Glossy, 1, s)),
     case("young 1, joint", WEIGHTS, YOUNG_CONTRAST, |i, s| i.young_joint(Signal::Matte, 0, s)),
     case("young glossy 1, joint", WEIGHTS, YOUNG_GLOSSY_CONTRAST, |i, s| i.young_joint(Signal::Glossy, 0, s)),
     case("young 3, joint", WEIGHTS, &[("young_filter.deviations", "3")], |i, s| i.young_joint(Signal::Matte, 1, s)),
@@ -528,7 +539,7 @@ pub const PLANTED: &[(&str, &str, &str)] = &[
     ("young 3, stop", "return left * left;", "return left;"),
     ("young 3, stop", "own.w * own.w + there.w * there.w", "own.w * own.w"),
     ("young 3, stop", "varied += w * w * there.w * there.w;", "varied += w * there.w * there.w;"),
-    ("young 9, stop", "deviations * deviations * variance", "deviations * variance"),
+    ("young 9, stop", "squared = settings.young.deviations * settings", "squared = settings"),
     ("young 1, contrast", "let mean = 0.5 * (p + q);", "let mean = p;"),
     ("young 1, contrast", "(p_frames + q_frames) / (p_frames * q_frames)", "2.0 / p_frames"),
     ("young 1, joint", "let w = whole * like;", "let w = whole;"),
@@ -597,6 +608,15 @@ pub const PLANTED: &[(&str, &str, &str)] = &[
         "matte_level(vec2i(id.xy), 27, settings.young.end_9)",
     ),
     ("young 27", "matte_level(vec2i(id.xy), 27, ", "matte_level(vec2i(id.xy), 9, "),
+    ("young 3, further contrast", "allowed = min(allowed, most * (", "allowed = min(allowed, 9.0 * most * ("),
+    ("young 3, further contrast", "further * further * (mean * mean)", "further * (mean * mean)"),
+    ("young 3, further contrast", "YOUNG_NOISE_ALIKE * squared * min(own", "squared * min(own"),
+    ("young 3, further contrast", "squared * min(own.w", "squared * max(own.w"),
+    (
+        "young glossy 3, further contrast",
+        "settings.young.further_contrast * contrast",
+        "settings.young.further_contrast",
+    ),
     ("young 1, contact, noise", "let most = settings.young.contact_noise;", "let most = 0.0;"),
     ("young 1, contact, noise", "YOUNG_OF_A_FRAME * unknown", "unknown"),
     (
