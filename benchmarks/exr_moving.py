@@ -2,15 +2,15 @@
 
     python3 benchmarks/exr_moving.py OUT.png NOISY_DIR CLEAN_DIR ... [--colours 40,140] [--exposure 1] [--fps 12] [--crop X,Y,W,H]
 
-Those of the README: 2 samples a pixel beside what `quell denoise` makes of them,
+Those of the README: 2 samples a pixel, what `quell denoise` makes of them, and the reference,
 
     quell denoise ../shared/frames/hall/noisy -o clean
-    python3 benchmarks/exr_moving.py docs/media/hall.png ../shared/frames/hall/noisy clean --colours 26,110 --crop 0,8,384,209
+    python3 benchmarks/exr_moving.py docs/media/hall.png ../shared/frames/hall/noisy clean ../shared/frames/hall/reference --colours 12,100,80 --crop 75,16,250,193
 
 and of the real-time filter, once its history is full:
 
-    quell render glossy-room -o strip --size 260x146 --frames 0-23 --jitter --reference 128 --reference-frames 12-23
-    python3 benchmarks/exr_moving.py docs/media/demo.png strip/noisy strip/denoised strip/reference --exposure 1.25 --colours 40,100,100
+    quell render glossy-room -o strip --size 260x146 --frames 0-23 --jitter --reference 512 --reference-frames 12-23
+    python3 benchmarks/exr_moving.py docs/media/demo.png strip/noisy strip/denoised strip/reference --exposure 1.25 --colours 20,140,95
 
 Frames that all folders have are shown, in order. Each panel has a palette of its own (255 colours together; a noisy one needs
 few: its grain hides the steps). Needs `pip install OpenEXR numpy Pillow`.
@@ -26,6 +26,9 @@ import exr_sequence
 
 GAP = 4  # dark columns between panels
 LAST = 3  # the last frame stays as long as so many
+# An ordered dither of 4x4 pixels: what is added to each of 256 levels.
+DITHERED = 64  # colours of a panel from which on it is dithered: fewer serve a noisy one, whose grain hides the steps
+BAYER = (np.array([[0, 8, 2, 10], [12, 4, 14, 6], [3, 11, 1, 9], [15, 7, 13, 5]]) - 7.5) * 0.6
 
 
 def encoded(path, name, exposure, crop):
@@ -38,8 +41,13 @@ def encoded(path, name, exposure, crop):
 
 def indexed(frames, colours, first):
     """The frames as indices from `first` on into a palette of their own, and that palette."""
-    stacked = Image.fromarray(np.concatenate(frames, 0)).quantize(colours, Image.Quantize.MEDIANCUT, dither=Image.Dither.NONE)
-    palette = np.asarray(stacked.getpalette()[: 3 * colours], np.uint8).reshape(-1, 3)
+    chosen = Image.fromarray(np.concatenate(frames, 0)).quantize(colours, Image.Quantize.MEDIANCUT, dither=Image.Dither.NONE)
+    palette = np.asarray(chosen.getpalette()[: 3 * colours], np.uint8).reshape(-1, 3)
+    # Ordered dither hides the steps of smooth walls; the same in every frame, it does not flicker.
+    height, width = frames[0].shape[:2]
+    offset = (colours >= DITHERED) * np.tile(BAYER, (height // 4 + 1, width // 4 + 1))[:height, :width, None]
+    dithered = [np.clip(frame + offset, 0, 255).astype(np.uint8) for frame in frames]
+    stacked = Image.fromarray(np.concatenate(dithered, 0)).quantize(palette=chosen, dither=Image.Dither.NONE)
     return np.split(np.asarray(stacked) + np.uint8(first), len(frames)), palette
 
 
