@@ -26,8 +26,8 @@ import exr_sequence
 
 GAP = 4  # dark columns between panels
 LAST = 3  # the last frame stays as long as so many
-# An ordered dither of 4x4 pixels: what is added to each of 256 levels.
 DITHERED = 64  # colours of a panel from which on it is dithered: fewer serve a noisy one, whose grain hides the steps
+# An ordered dither of 4x4 pixels (Bayer 1973), in levels of 256.
 BAYER = (np.array([[0, 8, 2, 10], [12, 4, 14, 6], [3, 11, 1, 9], [15, 7, 13, 5]]) - 7.5) * 0.6
 
 

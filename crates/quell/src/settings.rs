@@ -246,7 +246,7 @@ parameters! {
         glossy_contrast: f32 = 0.0, 0.0..=64.0, "of the mean, for one frame", "The same for the glossy signal.",
             higher "Lamps in mirrors leak into the pixels beside them.", lower "Reflections are noisier at first.",
             source "ours: `docs/quality.md`";
-        further_contrast: f32 = 0.0, 0.0..=8.0, "of the first level's contrast", "From the second level on, the noise that `deviations` goes by is no more than this part of `matte_contrast` and `glossy_contrast` allows; 0: no such bound.",
+        further_contrast: f32 = 0.0, 0.0..=8.0, "of the first level's contrast", "From the second level on, noise counts for `deviations` as far as this part of `matte_contrast` and `glossy_contrast` allows, or as it is found at both pixels; 0: as far as it is found at either.",
             higher "Bright pixels are copied to 3, 9 and 27 pixels away.", lower "Sparse light is not smoothed, and loses energy.",
             source "ours: `docs/quality.md`";
         contact_noise: f32 = 0.0, 0.0..=64.0, "of the squared mean of a pair", "Variance of a pair's difference in luminance from which the contact stop is off; 0: it acts whatever the noise.",

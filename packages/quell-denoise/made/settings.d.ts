@@ -86,7 +86,7 @@ export interface Settings {
   "young_filter.matte_contrast"?: number;
   /** The same for the glossy signal. From 0 to 64, of the mean, for one frame. Preset paper: 0. */
   "young_filter.glossy_contrast"?: number;
-  /** From the second level on, the noise that `deviations` goes by is no more than this part of `matte_contrast` and `glossy_contrast` allows; 0: no such bound. From 0 to 8, of the first level's contrast. Preset paper: 0. */
+  /** From the second level on, noise counts for `deviations` as far as this part of `matte_contrast` and `glossy_contrast` allows, or as it is found at both pixels; 0: as far as it is found at either. From 0 to 8, of the first level's contrast. Preset paper: 0. */
   "young_filter.further_contrast"?: number;
   /** Variance of a pair's difference in luminance from which the contact stop is off; 0: it acts whatever the noise. From 0 to 64, of the squared mean of a pair. Preset paper: 0. */
   "young_filter.contact_noise"?: number;
