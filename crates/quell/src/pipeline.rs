@@ -143,7 +143,7 @@ impl Stage {
             Self::GlossyVertical => glossy_bilateral::reach(&s.glossy_bilateral, Axis::Vertical, rows),
             Self::DirectTaa => direct_taa::reach(),
             Self::Composite => composite::reach(),
-            Self::Antialiasing => antialiasing::reach(),
+            Self::Antialiasing => antialiasing::reach(&s.antialiasing),
         }
     }
 

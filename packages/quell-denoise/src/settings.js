@@ -177,6 +177,9 @@ export function settingsStruct(settings, rows) {
       resampling: s["antialiasing.resampling"],
       gamma: s["antialiasing.gamma"],
       change_falloff: s["antialiasing.change_falloff"],
+      thin_radius: s["antialiasing.thin_radius"],
+      thin_depth: s["antialiasing.thin_depth"],
+      thin_motion: s["antialiasing.thin_motion"],
     },
   };
 }

@@ -136,6 +136,9 @@ struct AntialiasingSettings {
     resampling: f32,
     gamma: f32,
     change_falloff: f32,
+    thin_radius: u32,
+    thin_depth: f32,
+    thin_motion: f32,
 }
 
 // Which terms the composite adds, and which weights are there.

@@ -163,6 +163,9 @@ uniforms! {
         resampling: f32,
         gamma: f32,
         change_falloff: f32,
+        thin_radius: u32,
+        thin_depth: f32,
+        thin_motion: f32,
     }
 
     Composite as "CompositeSettings" {
@@ -376,6 +379,9 @@ impl SettingsUniforms {
                 resampling: s.antialiasing.resampling,
                 gamma: s.antialiasing.gamma,
                 change_falloff: s.antialiasing.change_falloff,
+                thin_radius: s.antialiasing.thin_radius,
+                thin_depth: s.antialiasing.thin_depth,
+                thin_motion: s.antialiasing.thin_motion,
             },
             composite: Composite {
                 direct: 1,

@@ -44,6 +44,16 @@ impl ColourBox {
         Self { low, high }
     }
 
+    /// Made to hold linear `rgb`, too.
+    #[inline(always)]
+    pub(crate) fn widen(&mut self, rgb: Rgb) {
+        let c = ycocg_from_rgb(rgb);
+        for k in 0..3 {
+            self.low[k] = self.low[k].min(c[k]);
+            self.high[k] = self.high[k].max(c[k]);
+        }
+    }
+
     /// `rgb` held to the box. A channel that only the clamp made negative becomes 0.
     #[inline(always)]
     pub fn clamp(&self, rgb: Rgb) -> Rgb {

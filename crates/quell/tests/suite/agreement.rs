@@ -412,6 +412,17 @@ fn every_stage_alone_agrees() {
         ("9, 10, constant", vec![("glossy_bilateral.enabled", "on"), ("glossy_bilateral.radius", "constant")], WEIGHTS),
         ("11", vec![("direct_taa.enabled", "on")], EXACT),
         ("antialiasing", vec![("antialiasing.enabled", "on")], EXACT),
+        ("antialiasing, one box", vec![("antialiasing.enabled", "on"), ("antialiasing.thin_radius", "0")], EXACT),
+        (
+            "antialiasing, whatever is nearer",
+            vec![
+                ("antialiasing.enabled", "on"),
+                ("antialiasing.thin_radius", "2"),
+                ("antialiasing.thin_depth", "0.001"),
+                ("antialiasing.thin_motion", "16"),
+            ],
+            EXACT,
+        ),
         ("antialiasing, few frames", vec![("antialiasing.enabled", "on"), ("antialiasing.least", "0.3")], EXACT),
     ];
     for (scene_name, scene) in scenes() {

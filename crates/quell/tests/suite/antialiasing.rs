@@ -1,6 +1,6 @@
 //! What temporal anti-aliasing of the picture must do: tend to the mean over the pixel, at rest and in motion, keep energy, follow light.
 
-use super::frames::{Noise, View, box_before_wall, denoise, jittered, mean, moving, rms, run, sequence};
+use super::frames::{Noise, Object, Shape, View, box_before_wall, denoise, jittered, mean, moving, rms, run, sequence};
 use quell::{Backend, Denoiser, FrameBuf, Plane, Rgb, Settings, Size};
 
 const SIZE: Size = Size::new(72, 44);
@@ -122,6 +122,69 @@ fn a_stage_that_was_off_begins_anew() {
             }
         }
     }
+}
+
+/// Bars half a pixel wide across the wall, which move by so much a frame.
+fn wires(speed: f64) -> Vec<FrameBuf> {
+    let mut scene = box_before_wall(jittered, Noise::None);
+    let wall = scene.objects.swap_remove(0);
+    scene.objects.clear();
+    scene.objects.push(wall);
+    for i in 0..5 {
+        scene.objects.push(Object {
+            shape: Shape::Box(glam::DVec3::new(0.012, 1.5, 0.012)),
+            id: 10 + i,
+            roughness: 0.5,
+            pose: Box::new(move |t| {
+                let turn = glam::DAffine3::from_rotation_z(0.1 * f64::from(i) + 0.1);
+                glam::DAffine3::from_translation(glam::DVec3::new(0.4 * f64::from(i) - 0.8 + speed * t, 0.0, 0.6))
+                    * turn
+            }),
+            light: |_, _| [4.0; 3],
+        });
+    }
+    sequence(&scene, SIZE, 40)
+}
+
+/// The clamp keeps the wires that no sample of 3x3 pixels hit.
+#[test]
+fn wires_that_samples_miss_stay_whole() {
+    let frames = wires(0.0);
+    let expected = mean_of(&frames[32..].iter().map(sum).collect::<Vec<_>>());
+    let mut clamped = settings();
+    clamped.antialiasing.thin_radius = 0;
+    let all = |_, _| true;
+    for backend in [Backend::Cpu, Backend::Reference] {
+        let found = run(backend, &settings(), &frames).composite;
+        let dotted = rms(&run(backend, &clamped, &frames).composite, &expected, all);
+        let apart = rms(&found, &expected, all);
+        println!("{backend:?}: {apart} for {dotted}, energy {}", mean(&found) / mean(&expected));
+        assert!(apart < 0.6 * dotted, "{backend:?}: {apart} for {dotted}");
+    }
+}
+
+/// What moves is kept where it is now, not where it was.
+#[test]
+fn wires_that_move_leave_no_copies() {
+    let frames = wires(0.06);
+    let brighter = |picture: &Plane<Rgb>| {
+        // Light beyond that of the frame's own samples, one pixel to either side.
+        let now = sum(&frames[39]);
+        Plane::from_fn(SIZE, |x, y| {
+            let beside = x.saturating_sub(1)..(x + 2).min(SIZE.width);
+            let most = beside.map(|x| now.at(x, y)[0]).fold(0.0, f32::max);
+            [(picture.at(x, y)[0] - 1.05 * most).max(0.0); 3]
+        })
+    };
+    let mut clamped = settings();
+    clamped.antialiasing.thin_radius = 0;
+    let mut copied = settings();
+    copied.antialiasing.thin_motion = 16.0;
+    let [held, kept, copies] =
+        [clamped, settings(), copied].map(|s| mean(&brighter(&run(Backend::Cpu, &s, &frames).composite)));
+    println!("{kept}; with 3x3 pixels alone {held}, with whatever moves {copies}");
+    assert!(kept < 1.2 * held + 1e-3, "{kept} for {held}");
+    assert!(copies > 2.0 * kept, "{copies} for {kept}: the case shows nothing");
 }
 
 /// Lamps that switch leave no trail: the clamp holds history to what the new frame shows, and it counts fewer frames.

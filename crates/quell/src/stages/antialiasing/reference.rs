@@ -1,6 +1,6 @@
 //! The specification of the picture's anti-aliasing.
 
-use super::{believed, share};
+use super::{believed, moves_with, share, stands_before};
 use crate::border::Guides;
 use crate::frame::Rgb;
 use crate::kernels::clip::ColourBox;
@@ -48,14 +48,18 @@ fn pixel(
     (x, y): (usize, usize),
 ) -> Option<(Rgb, f32)> {
     let size = guides.size;
-    let window = |centre: usize, extent: usize| centre.saturating_sub(1)..(centre + 2).min(extent);
-    let around = || window(y, size.height).flat_map(|ty| window(x, size.width).map(move |tx| (tx, ty)));
-    let (mut nearest, mut depth) = ((x, y), f32::INFINITY);
-    for (tx, ty) in around() {
-        if guides.depth.at(tx, ty) < depth {
-            depth = guides.depth.at(tx, ty);
+    let around = |r: usize| {
+        let window = move |centre: usize, extent: usize| centre.saturating_sub(r)..(centre + r + 1).min(extent);
+        window(y, size.height).flat_map(move |ty| window(x, size.width).map(move |tx| (tx, ty)))
+    };
+    let (mut nearest, mut depth, mut farthest) = ((x, y), f32::INFINITY, 0.0f32);
+    for (tx, ty) in around(1) {
+        let there = guides.depth.at(tx, ty);
+        if there < depth {
+            depth = there;
             nearest = (tx, ty);
         }
+        farthest = farthest.max(there);
     }
     let motion = Vec2::from(guides.motion.at(nearest.0, nearest.1));
     let coordinate = Vec2::new(x as f32 + 0.5, y as f32 + 0.5) + motion;
@@ -93,8 +97,16 @@ fn pixel(
     }
     // The spline may overshoot.
     let fetched = fetched.map(|v| v.max(0.0));
-    let neighbours = around().map(|(tx, ty)| current.at(tx, ty));
-    let clamped = ColourBox::of(neighbours, Clip::Sigma, settings.gamma).clamp(fetched);
+    let neighbours = around(1).map(|(tx, ty)| current.at(tx, ty));
+    let mut bounds = ColourBox::of(neighbours, Clip::Sigma, settings.gamma);
+    let before = around(settings.thin_radius as usize);
+    for (tx, ty) in before.filter(|_| settings.thin_radius > 0) {
+        let moved = Vec2::from(guides.motion.at(tx, ty));
+        if stands_before(guides.depth.at(tx, ty), farthest, settings) && moves_with(moved, motion, settings) {
+            bounds.widen(current.at(tx, ty));
+        }
+    }
+    let clamped = bounds.clamp(fetched);
     let frames = believed(held, luminance(fetched), luminance(clamped), settings);
     let a = share(frames, [u, v], settings);
     let now = current.at(x, y);

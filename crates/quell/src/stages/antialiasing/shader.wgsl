@@ -25,6 +25,36 @@ fn antialiasing_share(frames: f32, t: vec2f) -> f32 {
     return min(max(1.0 / (frames + 1.0), least), 1.0);
 }
 
+// The depth of a pixel; FAR: it shows the background.
+fn antialiasing_depth(pixel: vec2i) -> f32 {
+    let depth = depth_at(pixel);
+    return select(depth, FAR, depth == BACKGROUND);
+}
+
+// `bounds`, made to hold the colours of what stands before the farthest surface and moves as history was fetched.
+fn antialiasing_widened(bounds: ColourBox, pixel: vec2i, farthest: f32, motion: vec2f) -> ColourBox {
+    var widened = bounds;
+    let radius = i32(settings.antialiasing.thin_radius);
+    if radius == 0 {
+        return bounds;
+    }
+    let first = max(pixel - radius, vec2i(0));
+    let last = min(pixel + radius, vec2i(frame.size) - 1);
+    for (var ty = first.y; ty <= last.y; ty++) {
+        for (var tx = first.x; tx <= last.x; tx++) {
+            let q = vec2i(tx, ty);
+            let depth = antialiasing_depth(q);
+            if depth * (1.0 + settings.antialiasing.thin_depth) < farthest {
+                // Unknown motion compares false.
+                if all(abs(moving_at(q, depth).motion - motion) <= vec2f(settings.antialiasing.thin_motion)) {
+                    widened = colour_box_add(widened, picture_at(q));
+                }
+            }
+        }
+    }
+    return widened;
+}
+
 // The picture at one pixel, and how many frames it holds.
 fn antialiasing(pixel: vec2i) -> vec4f {
     let now = picture_at(pixel);
@@ -36,19 +66,22 @@ fn antialiasing(pixel: vec2i) -> vec4f {
     let last = min(pixel + 1, vec2i(frame.size) - 1);
     var nearest = pixel;
     var depth = FAR;
+    var farthest = 0.0;
     var gathered = colour_box_empty();
     for (var ty = first.y; ty <= last.y; ty++) {
         for (var tx = first.x; tx <= last.x; tx++) {
             let q = vec2i(tx, ty);
-            let there = depth_at(q);
-            if there != BACKGROUND && there < depth {
+            let there = antialiasing_depth(q);
+            if there < depth {
                 depth = there;
                 nearest = q;
             }
+            farthest = max(farthest, there);
             gathered = colour_box_add(gathered, picture_at(q));
         }
     }
-    let coordinate = pixel_centre(pixel) + moving_at(nearest, depth).motion;
+    let motion = moving_at(nearest, depth).motion;
+    let coordinate = pixel_centre(pixel) + motion;
     // Unknown motion compares false everywhere.
     if !(all(coordinate >= vec2f(0.0)) && all(coordinate <= vec2f(frame.whole))) {
         return alone;
@@ -80,7 +113,12 @@ fn antialiasing(pixel: vec2i) -> vec4f {
     }
     // The spline may overshoot.
     fetched = max(fetched, vec3f(0.0));
-    let bounds = colour_box_of(gathered, CLIP_SIGMA, settings.antialiasing.gamma);
+    let bounds = antialiasing_widened(
+        colour_box_of(gathered, CLIP_SIGMA, settings.antialiasing.gamma),
+        pixel,
+        farthest,
+        motion,
+    );
     let clamped = colour_box_clamp(bounds, fetched);
     let frames = antialiasing_believed(held, luminance(fetched), luminance(clamped));
     let a = antialiasing_share(frames, t);

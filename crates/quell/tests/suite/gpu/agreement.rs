@@ -338,6 +338,7 @@ pub const CASES: &[Case] = &[
     case("11", EXACT, &[], |i, s| i.direct_taa(s, true)),
     case("11, after a cut", EXACT, &[], |i, s| i.direct_taa(s, false)),
     case("antialiasing", WEIGHTS, &[], |i, s| i.antialiasing(s, true)),
+    case("antialiasing, one box", WEIGHTS, &[("antialiasing.thin_radius", "0")], |i, s| i.antialiasing(s, true)),
     case("antialiasing, after a cut", EXACT, &[], |i, s| i.antialiasing(s, false)),
     case("composite", EXACT, &[], |i, s| i.composite(s, [true, true, false, false])),
     case("composite, all", EXACT, &[], |i, s| i.composite(s, [true; 4])),
@@ -570,6 +571,10 @@ pub const PLANTED: &[(&str, &str, &str)] = &[
     ("antialiasing", "along[i] * across[j] * there.xyz", "along_frames[i] * across_frames[j] * there.xyz"),
     ("antialiasing", "settings.antialiasing.gamma", "1.0"),
     ("antialiasing", "moving_at(pixel, depth_at(pixel)).confidence_in", "1.0"),
+    ("antialiasing", "i32(settings.antialiasing.thin_radius)", "2"),
+    ("antialiasing", "depth * (1.0 + settings.antialiasing.thin_depth) < farthest", "depth < farthest"),
+    ("antialiasing", "vec2f(settings.antialiasing.thin_motion)", "vec2f(0.0)"),
+    ("antialiasing", "farthest = max(farthest, there);", "farthest = FAR;"),
     ("antialiasing", "vec4f(colour, found.w)", "vec4f(colour, 1.0)"),
     ("composite", "weight * signal", "signal"),
     // planes tied to a signal
