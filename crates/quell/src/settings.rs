@@ -430,8 +430,8 @@ parameters! {
             higher "Light that moves lags less.", lower "Smoother.", source "ours";
         thin_radius: u32 = 3, 0..=3, "pixels", "History may also show the colours of what is nearer, within so many pixels; 0: not.",
             higher "Wires that the samples of a frame miss stay whole.", lower "They become rows of dots; less work.", source "ours";
-        thin_depth: f32 = 0.05, 0.001..=1.0, "of the depth", "By so much must it be nearer than the farthest surface of 3x3 pixels.",
-            higher "Only what stands far before its background.", lower "Slanted surfaces count as silhouettes.", source "ours";
+        thin_depth: f32 = 0.4, 0.001..=1.0, "of the depth", "By so much must it be nearer than the farthest surface of 3x3 pixels.",
+            higher "Only what stands far before its background.", lower "Floors count, too, and light that moves over them lags.", source "ours";
         thin_motion: f32 = 0.5, 0.0..=16.0, "pixels", "Its motion may differ by so much from that which history is fetched by.",
             higher "What moves leaves copies behind.", lower "Only what moves exactly alike.", source "ours";
     }

@@ -113,7 +113,7 @@ export default {
 {"name":"antialiasing.gamma","kind":"number","low":0,"high":16,"default":1.5,"unit":"standard deviations","meaning":"History is held to the mean of 3x3 pixels plus and minus so many."},
 {"name":"antialiasing.change_falloff","kind":"number","low":0,"high":1000,"default":40,"unit":"per relative change","meaning":"Frames of history are divided by 1 plus this times the share of its luminance that the clamp changed."},
 {"name":"antialiasing.thin_radius","kind":"whole","low":0,"high":3,"default":3,"unit":"pixels","meaning":"History may also show the colours of what is nearer, within so many pixels; 0: not."},
-{"name":"antialiasing.thin_depth","kind":"number","low":0.001,"high":1,"default":0.05,"unit":"of the depth","meaning":"By so much must it be nearer than the farthest surface of 3x3 pixels."},
+{"name":"antialiasing.thin_depth","kind":"number","low":0.001,"high":1,"default":0.4,"unit":"of the depth","meaning":"By so much must it be nearer than the farthest surface of 3x3 pixels."},
 {"name":"antialiasing.thin_motion","kind":"number","low":0,"high":16,"default":0.5,"unit":"pixels","meaning":"Its motion may differ by so much from that which history is fetched by."}
 ],
 "presets": {

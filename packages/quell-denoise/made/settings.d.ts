@@ -220,7 +220,7 @@ export interface Settings {
   "antialiasing.change_falloff"?: number;
   /** History may also show the colours of what is nearer, within so many pixels; 0: not. From 0 to 3, pixels. Preset paper: 3. */
   "antialiasing.thin_radius"?: number;
-  /** By so much must it be nearer than the farthest surface of 3x3 pixels. From 0.001 to 1, of the depth. Preset paper: 0.05. */
+  /** By so much must it be nearer than the farthest surface of 3x3 pixels. From 0.001 to 1, of the depth. Preset paper: 0.4. */
   "antialiasing.thin_depth"?: number;
   /** Its motion may differ by so much from that which history is fetched by. From 0 to 16, pixels. Preset paper: 0.5. */
   "antialiasing.thin_motion"?: number;

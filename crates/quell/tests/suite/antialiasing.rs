@@ -132,12 +132,12 @@ fn wires(speed: f64) -> Vec<FrameBuf> {
     scene.objects.push(wall);
     for i in 0..5 {
         scene.objects.push(Object {
-            shape: Shape::Box(glam::DVec3::new(0.012, 1.5, 0.012)),
+            shape: Shape::Box(glam::DVec3::new(0.009, 1.5, 0.009)),
             id: 10 + i,
             roughness: 0.5,
             pose: Box::new(move |t| {
                 let turn = glam::DAffine3::from_rotation_z(0.1 * f64::from(i) + 0.1);
-                glam::DAffine3::from_translation(glam::DVec3::new(0.4 * f64::from(i) - 0.8 + speed * t, 0.0, 0.6))
+                glam::DAffine3::from_translation(glam::DVec3::new(0.3 * f64::from(i) - 0.6 + speed * t, 0.0, 1.2))
                     * turn
             }),
             light: |_, _| [4.0; 3],
@@ -166,7 +166,7 @@ fn wires_that_samples_miss_stay_whole() {
 /// What moves is kept where it is now, not where it was.
 #[test]
 fn wires_that_move_leave_no_copies() {
-    let frames = wires(0.06);
+    let frames = wires(0.045);
     let brighter = |picture: &Plane<Rgb>| {
         // Light beyond that of the frame's own samples, one pixel to either side.
         let now = sum(&frames[39]);

@@ -337,7 +337,7 @@ pub const CASES: &[Case] = &[
     case("10, constant", WEIGHTS, &[("glossy_bilateral.radius", "constant")], |i, s| i.glossy(Axis::Vertical, s)),
     case("11", EXACT, &[], |i, s| i.direct_taa(s, true)),
     case("11, after a cut", EXACT, &[], |i, s| i.direct_taa(s, false)),
-    case("antialiasing", WEIGHTS, &[], |i, s| i.antialiasing(s, true)),
+    case("antialiasing", WEIGHTS, &[("antialiasing.thin_depth", "0.05")], |i, s| i.antialiasing(s, true)),
     case("antialiasing, one box", WEIGHTS, &[("antialiasing.thin_radius", "0")], |i, s| i.antialiasing(s, true)),
     case("antialiasing, after a cut", EXACT, &[], |i, s| i.antialiasing(s, false)),
     case("composite", EXACT, &[], |i, s| i.composite(s, [true, true, false, false])),
