@@ -6,7 +6,7 @@ use crate::kernels::clip::ColourBox;
 use crate::kernels::math::{catmull_rom, luminance, three, ycocg_from_rgb};
 use crate::settings::Antialiasing;
 
-/// Columns beside a row that hold no surface, on both sides.
+/// Columns beside a row that hold no surface, on both sides: the most that `thin_radius` may be.
 pub(crate) const MARGIN: usize = 3;
 
 /// Rows of a line, each of them `MARGIN`, the pixels in the host's order, `MARGIN`: depth, motion (x, y), YCoCg.
